@@ -1,0 +1,32 @@
+"""Read-only arrays: the values of the package are frozen, and so is the data that they hold."""
+
+from typing import Any
+
+import numpy as np
+
+from michell_cad.errors import InvalidInputError
+
+
+def frozen(array: Any, dtype: Any = None) -> np.ndarray:
+    """Return a read-only C-contiguous copy of `array` (the array itself if it is one already)."""
+    if isinstance(array, np.ndarray) and not array.flags.writeable and array.flags.c_contiguous:
+        if array.base is None and (dtype is None or array.dtype == np.dtype(dtype)):
+            return array
+    copy = np.array(array, dtype=dtype, order="C", copy=True)
+    copy.flags.writeable = False
+    return copy
+
+
+def freeze(value: Any, **dtypes: Any) -> None:
+    """Replace the named fields of a frozen dataclass `value` by read-only copies of the given dtypes.
+
+    To be called from ``__post_init__``.
+    """
+    for name, dtype in dtypes.items():
+        object.__setattr__(value, name, frozen(getattr(value, name), dtype))
+
+
+def require(condition: Any, message: str) -> None:
+    """Raise `InvalidInputError` with `message` unless `condition` holds."""
+    if not bool(condition):
+        raise InvalidInputError(message)
