@@ -4,14 +4,145 @@ Applying knobs never touches what lies upstream (stress, parametrization, isocur
 truss and returns the chosen part of it with a radius for every member.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from michell_cad.arrays import freeze, require
-from michell_cad.errors import InvalidInputError
-from michell_cad.truss import Truss
+from michell_cad.arrays import require
+from michell_cad.truss import Curve, CurveKind, SizedTruss, Truss, keep_curves
+
+FamilyName = Literal["tension", "compression", "third"]
+FAMILY_ORDER: tuple[FamilyName, ...] = ("tension", "compression", "third")
+
+DEFAULT_RADIUS_RATIO = 0.1
+"""Default radius over cell edge: three members a cell of this radius fill 3 pi 0.1^2 = 9 % of the part."""
+
+LARGEST_RADIUS_RATIO = 0.25
+"""Largest radius (entasis included) over cell edge: beyond it two nodes of a cell leave no tube between them."""
+
+Stride = Annotated[int, Field(ge=1, le=1000)]
+Shift = Annotated[int, Field(ge=0, le=1000)]
+
+
+class Knobs(BaseModel):
+    """What may be turned on a finished truss; names, units, bounds, defaults and help texts for every host."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    family: Literal["all"] | FamilyName | tuple[FamilyName, ...] = Field(
+        default="all", description="Families of curves to build; boundary curves go with their family, sharp edges stay."
+    )
+    radius: float | None = Field(
+        default=None,
+        gt=0,
+        description="Radius of the members; default: a tenth of the cell edge.",
+        json_schema_extra={"unit": "mm"},
+    )
+    entasis: float = Field(
+        default=0.0,
+        ge=-0.5,
+        le=2.0,
+        description="Members are thicker by this fraction in the middle of each curve.",
+        json_schema_extra={"unit": "1"},
+    )
+    every: Stride | tuple[Stride, Stride, Stride] = Field(
+        default=1,
+        description="Density: keep every n-th curve; one number, or one each for tension, compression and third.",
+        json_schema_extra={"unit": "1"},
+    )
+    offset: Shift | tuple[Shift, Shift, Shift] = Field(
+        default=0,
+        description="Which of the n curves to keep: those whose isovalue plus offset is a multiple of n.",
+        json_schema_extra={"unit": "1"},
+    )
+    node_ratio: float = Field(
+        default=1.8,
+        ge=1.2,
+        le=4.0,
+        description="Smallest radius of a node over the radius of its members; tight nodes take more.",
+        json_schema_extra={"unit": "1"},
+    )
+    fillet_ratio: float = Field(
+        default=0.4,
+        ge=0.0,
+        le=1.0,
+        description="Radius of the fillet between node and member over the radius of the member; 0: no fillets.",
+        json_schema_extra={"unit": "1"},
+    )
+
+    @model_validator(mode="after")
+    def _some_family(self) -> Self:
+        if isinstance(self.family, tuple) and not self.family:
+            raise ValueError("family must name at least one of tension, compression, third, or be 'all'")
+        return self
+
+    @property
+    def families(self) -> tuple[FamilyName, ...]:
+        """The chosen families."""
+        if self.family == "all":
+            return FAMILY_ORDER
+        return (self.family,) if isinstance(self.family, str) else self.family
+
+
+def apply_knobs(truss: Truss, knobs: Knobs) -> SizedTruss:
+    """Choose curves by family and density, and give every member of what remains its radius.
+
+    A curve of a family with stride n and offset o is kept if (v + o) mod n = 0 for each of its isovalues v (the
+    reference's rule). Feature curves stay. Along a whole curve of length L the radius is r (1 + e w(l/L)) at distance l
+    from its start, with the entasis e and w(x) = 16 x^2 (1 - x)^2; a closed curve, having no ends, keeps r.
+
+    Raises
+    ------
+    InvalidInputError
+        If nothing remains, or the radius is too large for the cell edge of the truss.
+    """
+    stride = dict(zip(FAMILY_ORDER, _per_family(knobs.every), strict=True))
+    offset = dict(zip(FAMILY_ORDER, _per_family(knobs.offset), strict=True))
+
+    def kept(curve: Curve) -> bool:
+        if curve.kind is CurveKind.FEATURE:
+            return True
+        if curve.family not in knobs.families:
+            return False
+        n, o = stride[curve.family], offset[curve.family]
+        return all(value is None or (value + o) % n == 0 for value in curve.isovalues)
+
+    mask = np.array([kept(curve) for curve in truss.curves], bool)
+    left = sum(curve.kind is not CurveKind.FEATURE for curve, keep in zip(truss.curves, mask, strict=True) if keep)
+    require(
+        left,
+        f"no curve is left for family = {knobs.family!r}, every = {knobs.every}, offset = {knobs.offset}; the truss has "
+        + ", ".join(f"{sum(c.family == name for c in truss.curves)} {name}" for name in FAMILY_ORDER)
+        + " curves: choose another family or a smaller stride",
+    )
+    chosen = truss if mask.all() else keep_curves(truss, mask)
+    radius = DEFAULT_RADIUS_RATIO * truss.spacing if knobs.radius is None else knobs.radius
+    largest = LARGEST_RADIUS_RATIO * truss.spacing / (1 + max(knobs.entasis, 0.0))
+    require(
+        radius <= largest,
+        f"knobs.radius = {radius:.4g} mm with entasis {knobs.entasis:g} is too large for a cell edge of "
+        f"{truss.spacing:.4g} mm: use at most {largest:.4g} mm, a larger spacing or a smaller resolution",
+    )
+    return SizedTruss(chosen, radius * (1 + knobs.entasis * entasis_weights(chosen)))
+
+
+def entasis_weights(truss: Truss) -> Float[np.ndarray, "n_m 3"]:
+    """w at the first node, middle and second node of each member: 0 at the ends of its curve, 1 in the middle."""
+    weights = np.zeros((len(truss.members), 3))
+    owner = truss.curve_of_member
+    for number, curve in enumerate(truss.curves):
+        if curve.closed:
+            continue
+        ends = np.concatenate([[0.0], np.cumsum(truss.lengths[curve.members])])
+        x = np.stack([ends[:-1], (ends[:-1] + ends[1:]) / 2, ends[1:]], axis=1) / ends[-1]
+        reverse = truss.members[curve.members, 0] != curve.nodes[:-1]
+        x[reverse] = x[reverse, ::-1]
+        mine = owner[curve.members] == number
+        weights[curve.members[mine]] = 16 * (x[mine] * (1 - x[mine])) ** 2
+    return weights
+
+
+def _per_family(value: int | tuple[int, int, int]) -> tuple[int, int, int]:
+    return value if isinstance(value, tuple) else (value, value, value)

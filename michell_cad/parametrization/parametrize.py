@@ -1,0 +1,136 @@
+"""From frames to coordinates: the stage that puts the steps of this folder in order."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from michell_cad.arrays import freeze, require
+from michell_cad.elasticity import StressField
+from michell_cad.frame_field import FrameField, axes_of_inertia, constant_frames, matching_metric
+from michell_cad.parametrization.equation_11 import integrate_frames
+from michell_cad.parametrization.fold_barrier import remove_folds
+from michell_cad.parametrization.jacobians import MapDerivative
+from michell_cad.parametrization.stress_following import follow_stress
+from michell_cad.tet_mesh import TetMesh
+
+
+@dataclass(frozen=True)
+class ParametrizationOptions:
+    """Options of `parametrize`.
+
+    Parameters
+    ----------
+    spacing_weight : the paper's beta: 0.1 follows the stress closely, 1 keeps the spacing even.
+    follow_stress : whether to align the curves themselves after Eq. 11; False ends with Eq. 11 and its fold barrier.
+    """
+
+    spacing_weight: float = 0.1
+    follow_stress: bool = True
+
+    def __post_init__(self) -> None:
+        require(
+            np.isfinite(self.spacing_weight) and 1e-3 <= self.spacing_weight <= 100,
+            f"spacing_weight must lie between 0.001 and 100, found {self.spacing_weight}",
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Parametrization:
+    """Three coordinates at the vertices, whose integer isocurves (after scaling) are the truss.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+    phi : (n_v, 3) float, in units of length: the mean cell edge of the unscaled map is about one.
+    """
+
+    mesh: TetMesh
+    phi: Float[np.ndarray, "n_v 3"]
+
+    def __post_init__(self) -> None:
+        freeze(self, phi=np.float64)
+        require(np.isfinite(self.phi).all(), "the parametrization is not finite")
+
+    @cached_property
+    def jacobians(self) -> Float[np.ndarray, "n_t 3 3"]:
+        """J = grad phi per tet; rows g_i."""
+        return self.mesh.gradients(self.phi)
+
+    @cached_property
+    def determinants(self) -> Float[np.ndarray, " n_t"]:
+        """det J per tet."""
+        return np.linalg.det(self.jacobians)
+
+    @cached_property
+    def cell_edges(self) -> Float[np.ndarray, "n_t 3"]:
+        """Edges h_i = |b_i| of the cell of unit isovalues in each tet, b_i the columns of J^-1; inf where det J = 0."""
+        J = self.jacobians
+        cofactors = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])  # row i: g_j x g_k = det J b_i
+        with np.errstate(divide="ignore"):
+            return np.linalg.norm(cofactors, axis=2) / np.abs(self.determinants)[:, None]
+
+    @cached_property
+    def tangents(self) -> Float[np.ndarray, "n_t 3 3"]:
+        """Directions of the curves: columns b_i of J^-1, normalised; column i runs along coordinate i."""
+        J = self.jacobians
+        cofactors = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]]) * np.sign(self.determinants)[:, None, None]
+        length = np.linalg.norm(cofactors, axis=2, keepdims=True)
+        return (cofactors / np.maximum(length, np.finfo(float).tiny)).transpose(0, 2, 1)
+
+    def levels(
+        self, resolution: float | None = None, spacing: float | None = None
+    ) -> tuple[Float[np.ndarray, "n_v 3"], float]:
+        """Scale and shift the coordinates into cells; returns them with the median edge of a cell, mm.
+
+        One scale for all three coordinates. With `resolution` (the paper's rho) the coordinate with the longest range
+        spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift puts the lower end of
+        each coordinate half a cell below the first isovalue, so that no isosurface starts on the boundary by accident.
+        """
+        require((resolution is None) != (spacing is None), "give either a resolution or a spacing")
+        low, high = self.phi.min(0), self.phi.max(0)
+        unit_edge = float(np.median(self.cell_edges))
+        scale = unit_edge / spacing if resolution is None else resolution / float((high - low).max())
+        return (self.phi - low) * scale + 0.5, unit_edge / scale
+
+
+def parametrize(
+    mesh: TetMesh,
+    stress_field: StressField,
+    frame_field: FrameField,
+    options: ParametrizationOptions | None = None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Parametrization:
+    """Integrate the frames (Eq. 11), remove the folds, and let the curves follow the stress.
+
+    The last step starts from three injective maps: the fold-free Eq. 11, and the straight grids along the best constant
+    frame and along the part's axes of inertia; the lowest energy is kept.
+
+    Raises
+    ------
+    ConvergenceError
+        If no fold-free map was found.
+    """
+    options = options or ParametrizationOptions()
+    derivative = MapDerivative(mesh)
+    linear = integrate_frames(mesh, frame_field.frames, options.spacing_weight)
+    share = 0.2 if options.follow_stress else 1.0
+    phi = remove_folds(
+        mesh, derivative, frame_field.frames, options.spacing_weight, linear, lambda f: progress(share * f)
+    )
+    progress(share)
+    if options.follow_stress:
+        metric, _ = matching_metric(stress_field.stress)
+        grids = [*constant_frames(mesh, metric, 1), axes_of_inertia(mesh)]
+        starts = [phi, *(mesh.vertices @ R for R in grids)]
+        phi, _ = follow_stress(
+            mesh,
+            derivative,
+            stress_field.stress,
+            options.spacing_weight,
+            starts,
+            lambda f: progress(share + (1 - share) * f),
+        )
+    return Parametrization(mesh, phi)

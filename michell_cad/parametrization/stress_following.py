@@ -1,0 +1,171 @@
+"""Curves that follow the stress: past Arora et al. 2019, the alignment of the isocurves themselves.
+
+Frames fitted to a stress field have curl, and the least squares of Eq. 11 average across it. Here the map phi itself is
+moved so that its curves carry the stress. With rows g_i of J = grad phi, columns b_i of J^-1, n_i and t_i their
+directions, h_i = |b_i| the edge of a truss cell, and A = dev sigma / |dev sigma|, the energy of a tet is
+
+    W (sqrt(sum_{i != k} (n_i' A n_k)^2 + 0.01) + sum_{i < k} (t_i . t_k)^2)
+      + k_s w sum_i (h_i^2 + h_i^-2 - 2) + 0.01 w psi((det J - 0.05) / 0.25).
+
+The first term asks the gradients to be conjugate in the stress: bars along the curves carry sigma exactly if and only if
+g_i' sigma g_k = 0 for i != k. The second keeps the curves near right angles, the third the spacing near one, the last
+is the barrier of `fold_barrier`. k_s falls from round to round, to a tenth of `spacing_weight`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+
+from michell_cad.linear_solver import factorise
+from michell_cad.minimize import minimize
+from michell_cad.parametrization.equation_11 import tet_weights
+from michell_cad.parametrization.fold_barrier import BARRIER_WIDTH, LEAST_DETERMINANT, barrier
+from michell_cad.parametrization.jacobians import (
+    Components,
+    MapDerivative,
+    cofactors,
+    determinants,
+    product,
+    transposed,
+)
+from michell_cad.tet_mesh import TetMesh
+
+ROUNDING = 0.01
+"""Under the root of the first term: it rounds off the kink at exact alignment (relative, squared)."""
+BARRIER = 0.01
+"""Weight of the barrier."""
+SPACING_PER_WEIGHT = 0.1
+"""The last k_s over `spacing_weight`."""
+_FIRST_SPACING = 0.3
+_SPACING_STEP = 10**0.5
+"""k_s falls by this factor from round to round."""
+_ITERATIONS, _MEMORY = 60, 10
+_ANCHOR = 1e-6
+"""Mass added to the preconditioning Laplacian, relative, so that translations do not make it singular."""
+_BLOCK = 8192
+"""Tets worked on at a time: their matrices stay in the cache."""
+
+
+def follow_stress(
+    mesh: TetMesh,
+    derivative: MapDerivative,
+    stress: Float[np.ndarray, "n_t 3 3"],
+    spacing_weight: float,
+    starts: Sequence[Float[np.ndarray, "n_v 3"]],
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> tuple[Float[np.ndarray, "n_v 3"], tuple[float, ...]]:
+    """Minimise the energy of this module from each injective start; the best map and all final energies."""
+    energy = _FollowingEnergy(mesh, derivative, stress)
+    rounds = _spacing_rounds(spacing_weight)
+    found = []
+    for number, phi in enumerate(starts):
+        J = derivative.jacobians(phi)
+        phi = phi / np.median(determinants(J, cofactors(J))) ** (1 / 3)
+        value = np.inf
+        for k, spacing in enumerate(rounds):
+            energy.spacing = spacing
+            precondition = _laplacian_preconditioner(mesh, energy.weights_stress + 8 * spacing * energy.weights_volume)
+            phi, report = minimize(
+                energy, phi, precondition, memory=_MEMORY, iterations=_ITERATIONS, tolerance=1e-5
+            )
+            value = report.value
+            progress((number + (k + 1) / len(rounds)) / len(starts))
+        found.append((value, phi))
+    values = tuple(value for value, _ in found)
+    return found[int(np.argmin(values))][1], values
+
+
+def _spacing_rounds(spacing_weight: float) -> list[float]:
+    last = SPACING_PER_WEIGHT * spacing_weight
+    rounds = [last]
+    while rounds[0] * _SPACING_STEP <= _FIRST_SPACING * 1.1:
+        rounds.insert(0, rounds[0] * _SPACING_STEP)
+    return rounds
+
+
+def _laplacian_preconditioner(mesh: TetMesh, weights: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    mean_volume = mesh.volumes.mean()
+    L = mesh.laplacian(weights * mean_volume / mesh.volumes)
+    anchor = _ANCHOR * weights.sum() * mean_volume / mesh.size**2 / mesh.vertex_volumes.sum()
+    factor = factorise(L + sp.diags(anchor * mesh.vertex_volumes))
+    return lambda gradient: factor.solve(gradient)
+
+
+@dataclass(eq=False)
+class _FollowingEnergy:
+    """Value and gradient of the energy; `spacing` is k_s."""
+
+    mesh: TetMesh
+    derivative: MapDerivative
+    stress: Float[np.ndarray, "n_t 3 3"]
+    spacing: float = _FIRST_SPACING
+
+    def __post_init__(self) -> None:
+        deviator = self.stress - np.einsum("tii->t", self.stress)[:, None, None] / 3 * np.eye(3)
+        norm = np.linalg.norm(deviator, axis=(1, 2))
+        unit = deviator / np.maximum(norm, np.finfo(float).tiny)[:, None, None]
+        self._A = np.ascontiguousarray(unit.transpose(1, 2, 0))
+        weights = self.mesh.volumes * norm
+        self.weights_stress = weights / max(weights.mean(), np.finfo(float).tiny)
+        self.weights_volume = tet_weights(self.mesh)
+
+    def __call__(self, phi: np.ndarray) -> tuple[float, np.ndarray]:
+        J = self.derivative.jacobians(phi)
+        P = np.empty_like(J)
+        value = 0.0
+        for start in range(0, J.shape[2], _BLOCK):
+            block = slice(start, start + _BLOCK)
+            part = _energy_of_tets(
+                np.ascontiguousarray(J[:, :, block]),
+                np.ascontiguousarray(self._A[:, :, block]),
+                self.weights_stress[block],
+                self.weights_volume[block],
+                self.spacing,
+            )
+            if part is None:
+                return np.inf, phi
+            value += part[0]
+            P[:, :, block] = part[1]
+        return value, self.derivative.pull_back(P)
+
+
+def _energy_of_tets(
+    J: Components, A: Components, W: np.ndarray, w: np.ndarray, spacing: float
+) -> tuple[float, Components] | None:
+    """Sum of the energies of some tets and its gradient with respect to J; None if one is inverted or nearly so."""
+    C = cofactors(J)
+    det = determinants(J, C)
+    s = (det - LEAST_DETERMINANT) / BARRIER_WIDTH
+    if s.min() <= 0:
+        return None
+    # Conjugacy of the gradients: S = N A N', rows of N of length one.
+    length = np.sqrt(np.einsum("idn,idn->in", J, J))[:, None]
+    N = J / length
+    NA = product(N, A)
+    S = product(NA, transposed(N))
+    S[range(3), range(3)] = 0
+    root = np.sqrt(np.einsum("ikn,ikn->n", S, S) + ROUNDING)
+    value = W @ root
+    P = product(S, NA) * (2 * W / root)
+    P = (P - N * np.einsum("idn,idn->in", P, N)[:, None]) / length
+    # Angles between the tangents: the columns of B = J^-1 = C'/det.
+    B = transposed(C) / det
+    h = np.sqrt(np.einsum("din,din->in", B, B))[None]
+    T = B / h
+    X = product(transposed(T), T)
+    X[range(3), range(3)] = 0
+    value += 0.5 * (W @ np.einsum("ikn,ikn->n", X, X))
+    Q = product(T, X) * (2 * W)
+    Q = (Q - T * np.einsum("din,din->in", Q, T)[None]) / h
+    # Spacing, and the barrier.
+    h2 = h[0] ** 2
+    value += spacing * (w @ (h2 + 1 / h2 - 2).sum(0))
+    Q += B * (spacing * w * (2 - 2 / h2**2))[None]
+    psi, slope = barrier(s)
+    value += BARRIER * (w @ psi)
+    P -= product(product(transposed(B), Q), transposed(B))
+    P += C * (BARRIER / BARRIER_WIDTH * w * slope)
+    return float(value), P
