@@ -4,7 +4,7 @@ MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewher
 """
 
 import time
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,7 @@ _ANALYSE_AND_FACTORISE, _SOLVE, _RELEASE = 12, 33, -1
 """Pardiso's phases."""
 
 
+@runtime_checkable
 class Factor(Protocol):
     """A factorised matrix."""
 

@@ -116,10 +116,12 @@ class _BarrierEnergy:
             return np.inf, phi
         value, P = self._equation_11(J)
         root = np.sqrt(self.eps**2 + d * d)
-        psi, slope = barrier(np.maximum((d + root) / 2, np.finfo(float).tiny) / self.dh)
+        # chi = (d + root)/2, for negative d in the form that does not cancel
+        chi = np.where(d > 0, (d + root) / 2, self.eps**2 / (2 * (root - np.minimum(d, 0.0))))
+        psi, slope = barrier(chi / self.dh)
         mu = self.mu * self.stiffness
         value += mu * float(w @ psi)
-        P += (mu / self.dh) * (w * slope * (1 + d / root) / 2) * C
+        P += (mu / self.dh) * (w * slope * chi / root) * C  # d chi / d d = chi / root
         return value, self.derivative.pull_back(P)
 
     def _equation_11(self, J: Components) -> tuple[float, Components]:

@@ -1,89 +1,18 @@
-"""The truss: nodes, members, and the labelled curves that share them.
+"""The truss as a value: nodes, members, and the labelled curves that share them.
 
-A truss is the graph of Arora et al. 2019, Section 4.4 (Eqs. 12 and 13), read as three families of curves. Departing
-from the paper, the label of a curve holds the isovalues *and* a component number, since several disjoint curves can
-have the same isovalues, and boundary and sharp-feature curves are curves with labels like all others.
+A truss is the graph of Arora et al. 2019, Section 4.4 (Eqs. 12 and 13), read as three families of curves (and boundary
+and sharp-feature curves, see `michell_cad.curves`).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum, StrEnum
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
-
-
-class CurveKind(StrEnum):
-    """Where a curve runs."""
-
-    INTERIOR = "interior"
-    """Two coordinates are integer; the curve runs through the solid along the third."""
-    BOUNDARY = "boundary"
-    """One coordinate is integer; the curve runs on the surface, between two sharp features or closed."""
-    FEATURE = "feature"
-    """The curve follows a sharp edge of the part."""
-
-
-class NodeKind(IntEnum):
-    """Where a node lies."""
-
-    INTERIOR = 0
-    BOUNDARY = 1
-    FEATURE = 2
-    CORNER = 3
-    """The end of sharp features, or a sharp bend of one."""
-
-
-FAMILIES = ("tension", "compression", "third", "feature")
-"""Names of the families. Interior and boundary curves have one of the first three, see `metrics.name_families`."""
-
-Isovalues = tuple[int | None, int | None, int | None]
-"""The integer values of the three coordinates along a curve; None for a coordinate that varies."""
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """One labelled curve of a truss: (kind, isovalues, component) is unique in a truss.
-
-    Parameters
-    ----------
-    kind : CurveKind
-    family : one of `FAMILIES`.
-    axis : coordinate (0, 1, 2) along which the curve runs; -1 for a feature curve.
-    isovalues : integer coordinates of the curve, None for those that vary.
-    component : 0, 1, ... numbers the curves that have the same kind and isovalues.
-    nodes : (k,) int, nodes in order along the curve. A closed curve does not repeat its first node.
-    members : (k - 1,) int, or (k,) for a closed curve; member i joins nodes i and i + 1 (either direction).
-    closed : whether the last member returns to the first node.
-    """
-
-    kind: CurveKind
-    family: str
-    axis: int
-    isovalues: Isovalues
-    component: int
-    nodes: Int[np.ndarray, " k"]
-    members: Int[np.ndarray, " m"]
-    closed: bool
-
-    def __post_init__(self) -> None:
-        freeze(self, nodes=np.int64, members=np.int64)
-        require(self.family in FAMILIES, f"family must be one of {FAMILIES}, found {self.family!r}")
-        expected = len(self.nodes) - (not self.closed)
-        require(
-            len(self.members) == expected and expected >= 1,
-            f"a curve through {len(self.nodes)} nodes must have {expected} members, found {len(self.members)}",
-        )
-
-    @property
-    def name(self) -> str:
-        """The label as text, for example ``tension (4, *, 7) #0``; unique with the kind."""
-        values = ", ".join("*" if value is None else str(value) for value in self.isovalues)
-        kind = "" if self.kind is CurveKind.INTERIOR else f" {self.kind}"
-        return f"{self.family}{kind} ({values}) #{self.component}"
+from michell_cad.curves import Curve, CurveKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +27,10 @@ class Truss:
     curves : every member belongs to at least one curve. A boundary and an interior curve that run between the same
         two nodes share one member.
     spacing : edge of a typical truss cell, mm: the median over the part of the cell edges of the parametrization.
+    waypoints : (n_w, 3) float, mm, points between the two nodes of a member through which it runs as well, in order
+        from its first node to its second; those of member m are ``waypoint_offsets[m] : waypoint_offsets[m + 1]``.
+        Default: none. A crossing node that a thinner truss no longer needs lives on as a waypoint.
+    waypoint_offsets : (n_m + 1,) int.
 
     Raises
     ------
@@ -110,9 +43,16 @@ class Truss:
     members: Int[np.ndarray, "n_m 2"]
     curves: tuple[Curve, ...]
     spacing: float
+    waypoints: Float[np.ndarray, "n_w 3"] | None = None
+    waypoint_offsets: Int[np.ndarray, " n_m1"] | None = None
 
     def __post_init__(self) -> None:
+        if self.waypoints is None:
+            object.__setattr__(self, "waypoints", np.zeros((0, 3)))
+            object.__setattr__(self, "waypoint_offsets", np.zeros(len(self.members) + 1, np.int64))
         freeze(self, nodes=np.float64, node_kinds=np.int64, members=np.int64)
+        freeze(self, waypoints=np.float64, waypoint_offsets=np.int64)
+        _check_offsets(self.waypoint_offsets, len(self.members), len(self.waypoints))
         M, n_n = self.members, len(self.nodes)
         require(np.isfinite(self.nodes).all(), "the nodes of a truss must be finite")
         require(len(self.node_kinds) == n_n, f"node_kinds must have {n_n} entries, found {len(self.node_kinds)}")
@@ -124,7 +64,7 @@ class Truss:
         require((M[:, 0] < M[:, 1]).all(), "the two nodes of a member must differ and be in ascending order")
         require(len(np.unique(M[:, 0] * n_n + M[:, 1])) == len(M), "two members join the same two nodes")
         covered = np.zeros(len(M), bool)
-        nodes, following, members = _steps(self.curves)
+        nodes, following, members = curve_steps(self.curves)
         ends = np.sort(np.stack([nodes, following], axis=1), axis=1)
         require((ends == M[members]).all(), "a curve must step from node to node along its members")
         covered[members] = True
@@ -153,7 +93,49 @@ class Truss:
         return owner
 
 
-def _steps(curves: Sequence[Curve]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@dataclass(frozen=True, eq=False)
+class SizedTruss:
+    """A truss with the radius of every member, as the solid and the beam model need it.
+
+    Parameters
+    ----------
+    truss : Truss
+    radii : (n_m, 3) float, mm: radius at the first node, in the middle and at the second node of each member.
+        In between, with s from 0 to 1 along the member, r(s) is the quartic of `member_radius`.
+    """
+
+    truss: Truss
+    radii: Float[np.ndarray, "n_m 3"]
+
+    def __post_init__(self) -> None:
+        freeze(self, radii=np.float64)
+        shape = (len(self.truss.members), 3)
+        require(self.radii.shape == shape, f"radii must have shape {shape}, found {self.radii.shape}")
+        bad = ~(np.isfinite(self.radii) & (self.radii > 0)).all(1)
+        if bad.any():
+            member = int(np.argmax(bad))
+            curve = self.truss.curves[self.truss.curve_of_member[member]]
+            require(False, f"radii must be positive; {bad.sum()} members are not, first on curve {curve.name}")
+
+
+def member_radius(radii: Float[np.ndarray, "*n 3"], s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Radius at `s` in [0, 1] along members with the radii (r0, r1, r2) at start, middle and end.
+
+    The quartic r(s) = r0 + (r2 - r0)(3 s^2 - 2 s^3) + 16 s^2 (1 - s)^2 (r1 - (r0 + r2)/2) is the only one with these
+    three values and zero slope at both ends, so that a tube leaves its nodes as a cylinder.
+    """
+    r0, r1, r2 = radii[..., 0], radii[..., 1], radii[..., 2]
+    return r0 + (r2 - r0) * s**2 * (3 - 2 * s) + 16 * (s * (1 - s)) ** 2 * (r1 - (r0 + r2) / 2)
+
+
+def _check_offsets(offsets: np.ndarray, n: int, total: int) -> None:
+    require(
+        offsets.shape == (n + 1,) and offsets[0] == 0 and offsets[-1] == total and (np.diff(offsets) >= 0).all(),
+        f"offsets must have {n + 1} ascending entries from 0 to {total}",
+    )
+
+
+def curve_steps(curves: Sequence[Curve]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Start node, end node and member of every step along the curves."""
     start, end, members = [], [], []
     for curve in curves:

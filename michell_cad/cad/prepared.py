@@ -1,0 +1,99 @@
+"""A sized truss that is ready to be built: spheres, mitres, seams and tubes all placed, as arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from michell_cad.cad.centerlines import Centerlines
+from michell_cad.cad.mitres import Mitre
+from michell_cad.cad.nodes import NodeSizes, cap_angle
+from michell_cad.cad.spheres import Seam
+from michell_cad.cad.tubes import Tubes
+from michell_cad.truss import SizedTruss
+
+
+@dataclass(frozen=True, eq=False)
+class NodeMitre:
+    """The mitred ends of one node and how they are cut; member k of `mitre` is `ends[k]`."""
+
+    ends: Int[np.ndarray, " k"]
+    mitre: Mitre
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedTruss:
+    """What `prepare_truss` decided; end 2 m + i is at node i of member m.
+
+    Parameters
+    ----------
+    sized : the truss as it is built: short and near-parallel members may have been merged.
+    centerlines : design curves of its members.
+    sizes : spheres, fillets, mitres.
+    tubes : surfaces of the members.
+    mitres : per mitred node.
+    seams : per node with members.
+    fallback_nodes : nodes not built by the direct way, by kind.
+    raised_nodes : spheres larger than wanted, so that the members leave side by side.
+    reduced_nodes : smaller spheres or fillets than wanted.
+    moved : (k,) int, original nodes that were moved or merged.
+    merged_members : members of the original truss that are gone.
+    messages : one sentence for every kind of change.
+    """
+
+    sized: SizedTruss
+    centerlines: Centerlines
+    sizes: NodeSizes
+    tubes: Tubes
+    mitres: Mapping[int, NodeMitre]
+    seams: Mapping[int, Seam]
+    fallback_nodes: Mapping[str, int]
+    raised_nodes: int
+    reduced_nodes: int
+    merged_members: int
+    messages: tuple[str, ...]
+
+    @cached_property
+    def node_of_end(self) -> Int[np.ndarray, " n_e"]:
+        """Node of each end."""
+        return self.sized.truss.members.ravel()
+
+    @cached_property
+    def directions(self) -> Float[np.ndarray, "n_e 3"]:
+        """Unit vectors from the nodes into the members."""
+        return self.centerlines.directions.reshape(-1, 3)
+
+    @cached_property
+    def normals(self) -> Float[np.ndarray, "n_e 3"]:
+        """Unit vectors to angle 0 of the circles at the ends; angles count about the direction."""
+        return self.tubes.frames[:, [0, -1], 0].reshape(-1, 3)
+
+    @cached_property
+    def caps(self) -> Float[np.ndarray, " n_e"]:
+        """Half-angles of the caps that the ends take from their spheres."""
+        return cap_angle(self.sizes.radius[self.node_of_end], self.sizes.end_radius, self.sizes.fillet)
+
+    @cached_property
+    def component(self) -> Int[np.ndarray, " n_n"]:
+        """Number of the solid of each node; -1 for a node without members."""
+        truss = self.sized.truss
+        return node_components(truss.members, len(truss.nodes))
+
+
+def node_components(members: Int[np.ndarray, "n_m 2"], n_nodes: int) -> Int[np.ndarray, " n_n"]:
+    """Connected components of the nodes that have members, numbered by their first node; -1 for the others."""
+    graph = coo_matrix((np.ones(len(members)), (members[:, 0], members[:, 1])), shape=(n_nodes, n_nodes))
+    _, label = connected_components(graph, directed=False)
+    used = np.zeros(n_nodes, bool)
+    used[members.ravel()] = True
+    component = np.full(n_nodes, -1)
+    _, first = np.unique(label[used], return_index=True)
+    renumber = np.empty(label.max() + 1, np.int64)
+    order = label[used][np.sort(first)]
+    renumber[order] = np.arange(len(order))
+    component[used] = renumber[label[used]]
+    return component

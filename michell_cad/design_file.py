@@ -1,0 +1,183 @@
+"""The design file: everything that is needed to edit tomorrow without computing again, as one `.npz`.
+
+Plain arrays and one JSON text, no pickled objects: the file can be read by any NumPy, and reading it runs no code.
+"""
+
+import json
+import zipfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from michell_cad.curves import Curve, CurveKind
+from michell_cad.elasticity import ElasticityOptions, StressField
+from michell_cad.errors import InvalidInputError
+from michell_cad.files import writing
+from michell_cad.frame_field import FrameField, FrameFieldOptions
+from michell_cad.isocurves import CurveNetwork
+from michell_cad.knobs import Knobs
+from michell_cad.metrics import Alignment
+from michell_cad.parametrization import Parametrization, ParametrizationOptions
+from michell_cad.pipeline import Design, DesignOptions, StageTime
+from michell_cad.problem import DesignProblem, LoadCase, Material
+from michell_cad.tet_mesh import TetMesh
+from michell_cad.truss import CleaningReport, Truss, TrussOptions
+
+FORMAT = "michell_cad.design"
+VERSION = 1
+
+
+def save_design(path: Path, design: Design, knobs: Knobs) -> None:
+    """Write a design and the knobs it was built with; the file appears under its name only when it is complete."""
+    problem, mesh, truss, network = design.problem, design.problem.mesh, design.truss, design.network
+    arrays = {
+        "vertices": mesh.vertices,
+        "tets": mesh.tets,
+        "cad_faces": mesh.cad_faces,
+        "fixed": problem.fixed,
+        "forces": np.array([case.force for case in problem.load_cases]),
+        "stress": design.stress_field.stress,
+        "displacements": design.stress_field.displacements,
+        "frames": design.frame_field.frames,
+        "phi": design.parametrization.phi,
+        "truss_nodes": truss.nodes,
+        "truss_node_kinds": truss.node_kinds,
+        "truss_members": truss.members,
+        "truss_waypoints": truss.waypoints,
+        "truss_waypoint_offsets": truss.waypoint_offsets,
+        **_pack_curves("truss", truss.curves),
+        "network_nodes": network.nodes,
+        "network_node_kinds": network.node_kinds,
+        "network_node_levels": network.node_levels,
+        "network_members": network.members,
+        "network_path_points": network.path_points,
+        "network_path_offsets": network.path_offsets,
+        **_pack_curves("network", network.curves),
+    }
+    meta = {
+        "format": FORMAT,
+        "version": VERSION,
+        "material": asdict(problem.material),
+        "cases": [{"name": case.name, "weight": case.weight} for case in problem.load_cases],
+        "combination": problem.combination,
+        "options": asdict(design.options),
+        "smoothing_steps": design.stress_field.smoothing_steps,
+        "smoothing_residuals": design.stress_field.smoothing_residuals,
+        "solver_unit": design.stress_field.solver_unit,
+        "data_energy": design.frame_field.data_energy,
+        "least_data_energy": design.frame_field.least_data_energy,
+        "start_energies": design.frame_field.start_energies,
+        "spacing": truss.spacing,
+        "truss_curves": _curve_labels(truss.curves),
+        "network_curves": _curve_labels(network.curves),
+        "cleaning": asdict(design.cleaning),
+        "alignment": asdict(design.alignment),
+        "times": [asdict(time) for time in design.times],
+        "knobs": knobs.model_dump(mode="json"),
+    }
+    with writing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
+
+
+def load_design(path: Path) -> tuple[Design, Knobs]:
+    """Read a design file back: the design, with nothing computed again, and its knobs.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file is missing, cut short, no design file, or written by a newer version.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        meta = json.loads(str(arrays.pop("meta")))
+    except FileNotFoundError:
+        raise InvalidInputError(f"no design file {path}: expected the design.npz that `design` writes") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InvalidInputError(f"{path} is not a complete design file ({error}); run `design` again") from error
+    if meta.get("format") != FORMAT:
+        raise InvalidInputError(f"{path} is not a design file: its format is {meta.get('format')!r}, not {FORMAT!r}")
+    if meta["version"] > VERSION:
+        raise InvalidInputError(
+            f"{path} has version {meta['version']}, this program reads up to {VERSION}: install a newer michell_cad"
+        )
+    return _rebuild(arrays, meta)
+
+
+def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Knobs]:
+    mesh = TetMesh(a["vertices"], a["tets"], a["cad_faces"])
+    cases = tuple(
+        LoadCase(case["name"], force, case["weight"]) for case, force in zip(meta["cases"], a["forces"], strict=True)
+    )
+    problem = DesignProblem(mesh, Material(**meta["material"]), a["fixed"], cases, meta["combination"])
+    options = meta["options"]
+    frames = options["frames"] | {"smoothness": tuple(options["frames"]["smoothness"])}
+    alignment = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["alignment"].items()}
+    return Design(
+        problem,
+        DesignOptions(
+            options["resolution"],
+            options["spacing"],
+            ElasticityOptions(**options["elasticity"]),
+            FrameFieldOptions(**frames),
+            ParametrizationOptions(**options["parametrization"]),
+            TrussOptions(**options["truss"]),
+        ),
+        StressField(
+            a["stress"],
+            a["displacements"],
+            tuple(meta["smoothing_steps"]),
+            tuple(meta["smoothing_residuals"]),
+            meta["solver_unit"],
+        ),
+        FrameField(a["frames"], meta["data_energy"], meta["least_data_energy"], tuple(meta["start_energies"])),
+        Parametrization(mesh, a["phi"]),
+        Truss(
+            a["truss_nodes"],
+            a["truss_node_kinds"],
+            a["truss_members"],
+            _unpack_curves("truss", a, meta["truss_curves"]),
+            meta["spacing"],
+            a["truss_waypoints"],
+            a["truss_waypoint_offsets"],
+        ),
+        CurveNetwork(
+            a["network_nodes"],
+            a["network_node_kinds"],
+            a["network_node_levels"],
+            a["network_members"],
+            a["network_path_points"],
+            a["network_path_offsets"],
+            _unpack_curves("network", a, meta["network_curves"]),
+        ),
+        CleaningReport(**meta["cleaning"]),
+        Alignment(**alignment),
+        tuple(StageTime(**time) for time in meta["times"]),
+    ), Knobs.model_validate(meta["knobs"])
+
+
+def _pack_curves(prefix: str, curves: tuple[Curve, ...]) -> dict[str, np.ndarray]:
+    def joined(parts: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate([np.zeros(0, np.int64), *parts])
+
+    return {
+        f"{prefix}_curve_nodes": joined([curve.nodes for curve in curves]),
+        f"{prefix}_curve_members": joined([curve.members for curve in curves]),
+        f"{prefix}_curve_lengths": np.array([(len(c.nodes), len(c.members)) for c in curves]).reshape(-1, 2),
+    }
+
+
+def _curve_labels(curves: tuple[Curve, ...]) -> list[list[Any]]:
+    return [[str(c.kind), c.family, c.axis, list(c.isovalues), c.component, c.closed] for c in curves]
+
+
+def _unpack_curves(prefix: str, a: dict[str, np.ndarray], labels: list[list[Any]]) -> tuple[Curve, ...]:
+    lengths = np.cumsum(a[f"{prefix}_curve_lengths"], axis=0)[:-1]
+    nodes = np.split(a[f"{prefix}_curve_nodes"], lengths[:, 0])
+    members = np.split(a[f"{prefix}_curve_members"], lengths[:, 1])
+    return tuple(
+        Curve(CurveKind(kind), family, axis, tuple(isovalues), component, n, m, closed)
+        for (kind, family, axis, isovalues, component, closed), n, m in zip(labels, nodes, members, strict=True)
+    )

@@ -1,0 +1,31 @@
+"""The truss: its values, and what is done to it (cleaning a traced network, keeping some of the curves)."""
+
+from michell_cad.curves import FAMILIES, Curve, CurveKind, Isovalues, NodeKind
+from michell_cad.truss.cleaning import (
+    CleaningReport,
+    TrussOptions,
+    build_truss,
+    clean_network,
+    interior_degree_6,
+    valences,
+)
+from michell_cad.truss.subset import keep_curves
+from michell_cad.truss.values import SizedTruss, Truss, member_radius
+
+__all__ = [
+    "FAMILIES",
+    "CleaningReport",
+    "Curve",
+    "CurveKind",
+    "Isovalues",
+    "NodeKind",
+    "SizedTruss",
+    "Truss",
+    "TrussOptions",
+    "build_truss",
+    "clean_network",
+    "interior_degree_6",
+    "keep_curves",
+    "member_radius",
+    "valences",
+]

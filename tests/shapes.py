@@ -1,0 +1,52 @@
+"""Meshes and problems that the tests share."""
+
+import numpy as np
+
+from michell_cad.problem import DesignProblem, LoadCase, Material, surface_force
+from michell_cad.tet_mesh import TetMesh
+
+ABS = Material("ABS", youngs_modulus=2200.0, poisson_ratio=0.35, density=1.04e-3, yield_strength=48.0)
+
+
+def box_mesh(cells: tuple[int, int, int], size: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TetMesh:
+    """A box of `cells` cubes, each cut into the six tets of Kuhn along its diagonal."""
+    axes = [np.linspace(0, length, n + 1) for n, length in zip(cells, size, strict=True)]
+    vertices = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(len(vertices)).reshape([n + 1 for n in cells])
+    corner = np.stack([a.ravel() for a in np.meshgrid(*[np.arange(n) for n in cells], indexing="ij")], axis=1)
+    tets = []
+    for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
+        walk = [corner]
+        for axis in order:
+            walk.append(walk[-1] + np.eye(3, dtype=int)[axis])
+        tets.append(np.stack([number[tuple(step.T)] for step in walk], axis=1))
+    return TetMesh(vertices, np.concatenate(tets))
+
+
+def cantilever(cells: tuple[int, int, int] = (12, 6, 6), load: float = -100.0) -> DesignProblem:
+    """A 80 x 40 x 40 mm bar, clamped at x = 0, pulled in z at x = 80 by a total of `load` newtons."""
+    mesh = box_mesh(cells, (80.0, 40.0, 40.0))
+    fixed = np.repeat((mesh.vertices[:, 0] == 0)[:, None], 3, axis=1)
+    end = np.flatnonzero((mesh.vertices[mesh.boundary_triangles][:, :, 0] == 80).all(1))
+    force = surface_force(mesh, end, np.array([0.0, 0.0, load]))
+    return DesignProblem(mesh, ABS, fixed, (LoadCase("end", force),))
+
+
+def turned(problem: DesignProblem, Q: np.ndarray, scale: float = 1.0) -> DesignProblem:
+    """The same problem, rotated and scaled, with forces scaled so that the stresses stay the same.
+
+    Only for problems whose held vertices are held in all three axes.
+    """
+    mesh = TetMesh(scale * problem.mesh.vertices @ Q.T, problem.mesh.tets)
+    cases = tuple(LoadCase(c.name, scale**2 * c.force @ Q.T, c.weight) for c in problem.load_cases)
+    return DesignProblem(mesh, problem.material, problem.fixed, cases, problem.combination)
+
+
+def renumbered(problem: DesignProblem, rng: np.random.Generator) -> tuple[DesignProblem, np.ndarray, np.ndarray]:
+    """The same problem with vertices and tets in another order; also the new order of vertices and tets."""
+    mesh = problem.mesh
+    order, tet_order = rng.permutation(len(mesh.vertices)), rng.permutation(len(mesh.tets))
+    position = np.argsort(order)
+    new = TetMesh(mesh.vertices[order], position[mesh.tets][tet_order])
+    cases = tuple(LoadCase(c.name, c.force[order], c.weight) for c in problem.load_cases)
+    return DesignProblem(new, problem.material, problem.fixed[order], cases, problem.combination), order, tet_order
