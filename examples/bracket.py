@@ -4,6 +4,7 @@ A base plate of 80 x 60 x 14 mm with four bolt holes of 9 mm, and a lug of 20 mm
 40 mm above the base; the lug runs into the plate with a fillet of 5 mm.
 """
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 from build123d import (
@@ -12,6 +13,7 @@ from build123d import (
     Box,
     BuildPart,
     BuildSketch,
+    Circle,
     Cylinder,
     GridLocations,
     Hole,
@@ -20,7 +22,6 @@ from build123d import (
     Part,
     Plane,
     Polygon,
-    Circle,
     export_step,
     extrude,
     fillet,
@@ -39,7 +40,8 @@ def build_bracket() -> Part:
     with BuildPart() as bracket:
         Box(*PLATE, align=(Align.CENTER, Align.CENTER, Align.MIN))
         with BuildSketch(Plane.YZ):
-            Polygon((-LUG_FOOT / 2, 0), (LUG_FOOT / 2, 0), (LUG_RADIUS, EYE_HEIGHT), (-LUG_RADIUS, EYE_HEIGHT), align=None)
+            foot, eye = LUG_FOOT / 2, (LUG_RADIUS, EYE_HEIGHT)
+            Polygon((-foot, 0), (foot, 0), eye, (-eye[0], eye[1]), align=None)
             with Locations((0, EYE_HEIGHT)):
                 Circle(LUG_RADIUS)
         extrude(amount=LUG_THICKNESS / 2, both=True)
@@ -49,11 +51,13 @@ def build_bracket() -> Part:
             Hole(BOLT_RADIUS)
         with Locations(Plane.YZ.offset(LUG_THICKNESS / 2) * Plane((0, EYE_HEIGHT, 0)).location):
             Cylinder(EYE_RADIUS, 2 * LUG_THICKNESS, mode=Mode.SUBTRACT)
+    assert bracket.part is not None
     return bracket.part
 
 
 if __name__ == "__main__":
     part = build_bracket()
     target = Path(__file__).with_suffix(".step")
-    export_step(part, str(target))
+    # A fixed date keeps the file the same from run to run.
+    export_step(part, str(target), timestamp=datetime(2026, 1, 1, tzinfo=UTC))
     print(f"{target.name}: {part.volume:.0f} mm3, {len(part.faces())} faces, valid: {part.is_valid}")

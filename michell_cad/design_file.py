@@ -90,7 +90,7 @@ def load_design(path: Path) -> tuple[Design, Knobs]:
         If the file is missing, cut short, no design file, or written by a newer version.
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         meta = json.loads(str(arrays.pop("meta")))
     except FileNotFoundError:
@@ -113,15 +113,17 @@ def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Kn
     )
     problem = DesignProblem(mesh, Material(**meta["material"]), a["fixed"], cases, meta["combination"])
     options = meta["options"]
-    frames = options["frames"] | {"smoothness": tuple(options["frames"]["smoothness"])}
-    alignment = {name: tuple(v) if isinstance(v, list) else v for name, v in meta["alignment"].items()}
+
+    def tuples(values: dict[str, Any]) -> dict[str, Any]:  # JSON knows lists only
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+
     return Design(
         problem,
         DesignOptions(
             options["resolution"],
             options["spacing"],
             ElasticityOptions(**options["elasticity"]),
-            FrameFieldOptions(**frames),
+            FrameFieldOptions(**tuples(options["frames"])),
             ParametrizationOptions(**options["parametrization"]),
             TrussOptions(**options["truss"]),
         ),
@@ -152,8 +154,8 @@ def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Kn
             a["network_path_offsets"],
             _unpack_curves("network", a, meta["network_curves"]),
         ),
-        CleaningReport(**meta["cleaning"]),
-        Alignment(**alignment),
+        CleaningReport(**tuples(meta["cleaning"])),
+        Alignment(**tuples(meta["alignment"])),
         tuple(StageTime(**time) for time in meta["times"]),
     ), Knobs.model_validate(meta["knobs"])
 

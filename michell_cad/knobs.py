@@ -4,7 +4,7 @@ Applying knobs never touches what lies upstream (stress, parametrization, isocur
 truss and returns the chosen part of it with a radius for every member.
 """
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -73,7 +73,7 @@ class Knobs(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _some_family(self) -> Self:
+    def _some_family(self) -> "Knobs":
         if isinstance(self.family, tuple) and not self.family:
             raise ValueError("family must name at least one of tension, compression, third, or be 'all'")
         return self

@@ -15,6 +15,9 @@ SUFFICIENT_DECREASE = 1e-4
 SMALLEST_STEP = 1e-12
 """A line search that has shrunk its step to this gives up (relative to the step of the quasi-Newton model)."""
 
+SCALED_ITERATIONS = 5
+"""The first iterations find the scale of the preconditioner (Nocedal and Wright, Eq. 7.20); going on would cost one more
+application of it, often the dearest part, in every iteration."""
 PATIENCE = 3
 """Iterations without decrease after which a minimisation has converged."""
 
@@ -82,7 +85,8 @@ def minimize(
         curvature = float(np.vdot(s, y))
         if curvature > np.finfo(float).eps * float(np.linalg.norm(s) * np.linalg.norm(y)):
             pairs.append((s, y, 1 / curvature))
-            scale = curvature / float(np.vdot(y, precondition(y)))
+            if iteration < SCALED_ITERATIONS:
+                scale = curvature / float(np.vdot(y, precondition(y)))
         idle = idle + 1 if value - value_new <= tolerance * max(abs(value), np.finfo(float).tiny) else 0
         x, value, gradient = x_new, value_new, gradient_new
         if stop(value):

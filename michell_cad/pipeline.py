@@ -15,7 +15,7 @@ from michell_cad.metrics import Alignment, measure_alignment, name_families
 from michell_cad.parametrization import Parametrization, ParametrizationOptions, parametrize
 from michell_cad.problem import DesignProblem
 from michell_cad.tet_mesh import TetMesh
-from michell_cad.truss import CleaningReport, Truss, TrussOptions, build_truss
+from michell_cad.truss import CleaningReport, Truss, TrussOptions, clean_network
 
 STAGES = ("elasticity", "frames", "parametrization", "isocurves", "truss")
 """Names of the stages, in order, as the progress callback and the report show them."""
@@ -119,7 +119,7 @@ def design(
         families = name_families(mesh, stress_field.stress, parametrization.tangents)
         network = trace_isocurves(mesh, levels, families)
     with _stage("truss", times, progress):
-        truss, cleaning = build_truss(network, spacing, options.truss)
+        truss, cleaning = clean_network(network, spacing, options.truss)
 
     alignment = measure_alignment(stress_field.stress, frame_field, parametrization, network)
     return Design(

@@ -114,6 +114,7 @@ def size_nodes(
     fillet_ratio: float,
     levels: tuple[Level, ...],
     level: Int[np.ndarray, " n_n"],
+    growth: Float[np.ndarray, " n_n"],
 ) -> NodeSizes:
     """Choose spheres, fillets and mitres of all nodes, see the module's text.
 
@@ -125,11 +126,13 @@ def size_nodes(
     n_nodes : number of nodes.
     fillet_ratio : wanted f / r.
     levels, level : the rooms that there are, and which of them each node takes.
+    growth : factor on the smallest sphere of each node.
     """
     smallest, largest, most = (
         np.array([getattr(one, name) for one in levels])[level]
         for name in ("smallest_ratio", "largest_ratio", "largest_fillet")
     )
+    smallest, largest = smallest * growth, largest * growth
     first, second = end_pairs(node_of_end)
     angle = angles_between(directions[first], directions[second])
     node = node_of_end[first]

@@ -5,10 +5,9 @@ parted from its rivals; per member a tube face. Curves along the sphere are circ
 the seam of the sphere meets them.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
+from michell_cad.cad.mitres import SPHERE, Piece
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import (
     Coedges,
@@ -28,6 +27,9 @@ TOLERANCE = 1e-6
 
 KERNEL_TOLERANCE = 1e-7
 """mm: the kernel takes nearer points for the same one."""
+
+FIT_SAFETY = 2.0
+"""Edges take this multiple of the largest deviation that was measured between their curves (relative)."""
 
 TURN = 2 * np.pi
 
@@ -245,35 +247,33 @@ def _lay_mitres(s: _Shell, arcs: _Arcs) -> None:
             face = s.faces.add(
                 1, form=SurfaceForm.CYLINDER, surface=frame, reversed_=0, role=FaceRole.MITRE, owner=e, node=i
             )
-            foot = None
-            for arc in arcs.of_end(int(e)):
-                s.run_line(
-                    face, arcs.ranges[arc, 0], [arcs.edge[arc]], 0, (0, s.R[e] * np.cos(s.a[e])), (1, 0)
-                )
+            H = s.R[e] * np.cos(s.a[e])
+            foot, height = -1, H
+            for arc in arcs.of_end(e):
+                s.run_line(face, arcs.ranges[arc, 0], arcs.edge[arc], 0, (0, H), (1, 0))
                 if arcs.ranges[arc, 0] == 0:
                     foot = arcs.ends[arc, 0]
             for piece in node.mitre.pieces[k]:
-                if piece.neighbour < 0:
+                if piece.neighbour == SPHERE:
                     continue
-                edge, t_range, forward = creases[_crease_key(piece)]
+                edge, t_range = creases[_crease_key(piece)]
                 middle, size = _rival(s, e, node.ends[piece.neighbour])
+                forward = piece.end < piece.neighbour
                 sign = 1.0 if forward else -1.0
-                # At the parameter t of the crease the angle is middle + sign t, up to whole turns.
-                start = middle + sign * (t_range[0] if forward else t_range[1])
-                turns = TURN * np.round((piece.start - start) / TURN)
+                # The angle is middle + sign t, up to whole turns.
+                turns = TURN * np.round((piece.start - middle - sign * t_range[0 if forward else 1]) / TURN)
                 poles = s.add_poles(fit_sines(t_range, middle + turns, sign, size))
-                s.run_along(face, 0, piece.start, edge, int(not forward), PcurveForm.FITTED, poles)
+                s.run_along(face, 0, piece.start, edge, not forward, PcurveForm.FITTED, poles)
                 if piece.start == 0:
-                    foot = s.corners[i][piece.first]
-            height = (s.points["x"][int(foot)] - s.X[e]) @ s.d[e]
+                    foot, height = s.corners[i][piece.first], size * np.cos(middle)
             line = s.frames.add(1, origin=s.X[e] + s.r[e] * s.N[e], axis=s.d[e], zero=s.N[e], radii=(1, 1))
             seam = s.add_edges(CurveForm.LINE, line, [(height, s.reach[e])], [(foot, e)])
             s.run_line(face, 10, seam, 0, (TURN, 0), (0, 1))
-            s.run_line(face, 11, [s.tube_edge[e]], 1, (0, s.reach[e]), (1, 0))
+            s.run_line(face, 11, s.tube_edge[e], 1, (0, s.reach[e]), (1, 0))
             s.run_line(face, 12, seam, 1, (0, 0), (0, 1))
 
 
-def _crease_key(piece) -> tuple:
+def _crease_key(piece: Piece) -> tuple[int, int, int, int]:
     """The same for the two occurrences of a piece between two members, whose corners come in opposite order."""
     if piece.end < piece.neighbour:
         return piece.end, piece.neighbour, piece.first, piece.last
@@ -287,37 +287,29 @@ def _rival(s: _Shell, e: int, other: int) -> tuple[float, float]:
     return float(np.arctan2(toward @ s.B[e], toward @ s.N[e])), float(s.r[e] / np.tan(half))
 
 
-def _lay_creases(s: _Shell, i: int) -> dict[tuple, tuple]:
-    """Edges between the mitred members of node i: (edge, range of t, whether the parameter grows with the angle)."""
+def _lay_creases(s: _Shell, i: int) -> dict[tuple[int, int, int, int], tuple[np.ndarray, tuple[float, float]]]:
+    """Edges between the mitred members of node i, with the ranges of their parameter t (see `mitres`)."""
     node = s.p.mitres[i]
-    creases: dict[tuple, tuple] = {}
-    for path in node.mitre.pieces:
-        for piece in path:
-            if piece.neighbour < piece.end:
-                continue
-            e, other = node.ends[piece.end], node.ends[piece.neighbour]
-            bisector = s.d[e] + s.d[other]
-            half_sine = np.linalg.norm(s.d[e] - s.d[other]) / 2
-            frame = s.frames.add(
-                1,
-                origin=s.X[e],
-                axis=(s.d[e] - s.d[other]) / (2 * half_sine),
-                zero=bisector / np.linalg.norm(bisector),
-                radii=(s.r[e] / half_sine, s.r[e]),
-            )
-            middle, _ = _rival(s, e, other)
-            shift = TURN * np.round(((piece.start + piece.stop) / 2 - middle) / TURN)
-            t_range = (piece.start - middle - shift, piece.stop - middle - shift)
-            ends = [(s.corners[i][piece.first], s.corners[i][piece.last])]
-            edge = s.add_edges(CurveForm.CONIC, frame, [t_range], ends)
-            creases[_crease_key(piece)] = (edge, t_range)
-    both = {}
-    for path in node.mitre.pieces:
-        for piece in path:
-            if piece.neighbour >= 0:
-                edge, t_range = creases[_crease_key(piece)]
-                both[_crease_key(piece)] = (edge, t_range, None)
-    return both
+    creases = {}
+    for piece in (piece for path in node.mitre.pieces for piece in path):
+        if piece.neighbour < piece.end:
+            continue
+        e, other = node.ends[piece.end], node.ends[piece.neighbour]
+        half_sine = np.linalg.norm(s.d[e] - s.d[other]) / 2
+        bisector = (s.d[e] + s.d[other]) / np.linalg.norm(s.d[e] + s.d[other])
+        frame = s.frames.add(
+            1,
+            origin=s.X[e],
+            axis=(s.d[e] - s.d[other]) / (2 * half_sine),
+            zero=bisector,
+            radii=(s.r[e] / half_sine, s.r[e]),
+        )
+        middle, _ = _rival(s, e, other)
+        shift = middle + TURN * np.round(((piece.start + piece.stop) / 2 - middle) / TURN)
+        t_range = (piece.start - shift, piece.stop - shift)
+        edge = s.add_edges(CurveForm.CONIC, frame, [t_range], [s.corners[i][[piece.first, piece.last]]])
+        creases[_crease_key(piece)] = (edge, t_range)
+    return creases
 
 
 def _lay_tubes(s: _Shell, arcs: _Arcs) -> None:
@@ -378,18 +370,101 @@ def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
     face = s.faces.add(
         n, form=SurfaceForm.SPHERE, surface=frame, reversed_=0, role=FaceRole.NODE, owner=nodes, node=nodes
     )
-    poles = [[], []]
-    for row, (i, seam) in enumerate(zip(nodes.tolist(), seams, strict=True)):
-        for pole, cut in enumerate((seam.south_cut, seam.north_cut)):
-            sign = 2 * pole - 1
-            point = s.cut_point(i, pole) if cut is not None else None
-            if point is None:
-                point = int(s.points.add(1, x=X[row] + sign * R[row] * axis[row])[0])
-            poles[pole].append(point)
+    poles = np.array([[arcs.cuts.get((int(i), pole), -1) for pole in (0, 1)] for i in nodes])
+    for pole, sign in enumerate((-1, 1)):
+        free = np.flatnonzero(poles[:, pole] < 0)
+        point = s.points.add(len(free), x=X[free] + sign * R[free, None] * axis[free])
+        poles[free, pole] = point
+        edge = s.add_edges(CurveForm.NONE, 0, (0, TURN), np.stack([point, point], axis=1))
+        s.run_line(face[free], (0, 200)[pole], edge, pole, (0, sign * np.pi / 2), (1, 0))
     meridian = s.frames.add(n, origin=X, axis=np.cross(zero, axis), zero=zero, radii=np.stack([R, R], axis=1))
     latitudes = np.array([(seam.south, seam.north) for seam in seams])
-    seam_edge = s.add_edges(CurveForm.CONIC, meridian, latitudes, np.array(poles).T)
+    seam_edge = s.add_edges(CurveForm.CONIC, meridian, latitudes, poles)
     s.run_line(face, 100, seam_edge, 0, (TURN, 0), (0, 1))
     s.run_line(face, 300, seam_edge, 1, (0, 0), (0, 1))
-    _lay_free_poles(s, face, seams, np.array(poles))
-    _lay_loops(s, arcs, nodes, face, np.array(poles), np.stack([zero, np.cross(axis, zero), axis], axis=1))
+    row_of_node = np.full(len(s.p.sized.truss.nodes), -1)
+    row_of_node[nodes] = np.arange(n)
+    row = row_of_node[s.node[arcs.end]]
+    wire, order = _chain_loops(arcs, row, poles)
+    frames = np.stack([zero, np.cross(axis, zero), axis], axis=1)
+    circles = np.stack([s.N, s.B, s.d], axis=1)[arcs.end]
+    fitted, deviation = fit_longitudes(frames[row], R[row], circles, s.a[arcs.end], arcs.ranges)
+    s.widen = (arcs.edge, FIT_SAFETY * deviation)
+    face_of_arc = face[row]
+    island = _find_islands(fitted, row, wire)
+    if island.any():
+        # Members that enclose a piece of sphere between them cut it off: it is a face of its own.
+        pair, place = np.unique(np.stack([row, wire], axis=1)[island], axis=0, return_inverse=True)
+        cut_off = s.faces.add(
+            len(pair),
+            form=SurfaceForm.SPHERE,
+            surface=frame[pair[:, 0]],
+            reversed_=0,
+            role=FaceRole.NODE,
+            owner=nodes[pair[:, 0]],
+            node=nodes[pair[:, 0]],
+        )
+        face_of_arc[island] = cut_off[place.ravel()]
+    s.run_along(face_of_arc, wire, order, arcs.edge, 1, PcurveForm.FITTED, s.add_poles(fitted))
+
+
+def _find_islands(poles: np.ndarray, row: np.ndarray, wire: np.ndarray) -> np.ndarray:
+    """Arcs of wires, other than the first of their face, that have the face inside: positive area of the parameters."""
+    u, v = poles[..., 0], poles[..., 1]
+    # The arcs are run against their direction.
+    share = -((u[:, 1:] + u[:, :-1]) / 2 * np.diff(v, axis=1)).sum(1)
+    area = np.zeros((row.max() + 1, wire.max() + 1))
+    np.add.at(area, (row, wire), share)
+    return (wire > 0) & (area[row, wire] > 0)
+
+
+def _chain_loops(arcs: _Arcs, row: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Wire and order of every arc along the face of its sphere, which it bounds against its own direction.
+
+    Wire 0 starts at the seam's south end, around the south pole, and comes back around the north pole.
+    """
+    wire, order = np.zeros(len(row), int), np.zeros(len(row), int)
+    by_row = np.argsort(row, kind="stable")
+    bounds = np.searchsorted(row[by_row], np.arange(len(poles) + 1))
+    stops, starts = arcs.ends[:, 1].tolist(), arcs.ends[:, 0].tolist()
+    for k in range(len(poles)):
+        waiting = {stops[a]: int(a) for a in by_row[bounds[k] : bounds[k + 1]]}
+        loops = 0
+        while waiting:
+            place = 0 if poles[k, 0] in waiting else 1 if poles[k, 1] in waiting else 2
+            point = int(poles[k, place]) if place < 2 else next(iter(waiting))
+            loops += place == 2
+            step = (0, 200, 0)[place]
+            while point in waiting:
+                arc = waiting.pop(point)
+                wire[arc], order[arc] = (loops if place == 2 else 0), step
+                point, step = starts[arc], step + 1
+    return wire, order
+
+
+def _finish(s: _Shell) -> ShellPlan:
+    edges, faces, coedges = s.edges, s.faces, s.coedges
+    edge, deviation = s.widen
+    tolerance = edges["tolerance"].copy()
+    tolerance[edge] = np.maximum(tolerance[edge], deviation)
+    order = np.lexsort((coedges["order"], coedges["wire"], coedges["face"]))
+    frames = s.frames
+    return ShellPlan(
+        points=s.points["x"],
+        frames=Frames(frames["origin"], frames["axis"], frames["zero"], frames["radii"]),
+        edges=Edges(edges["form"], edges["curve"], edges["ranges"], edges["ends"], tolerance),
+        faces=Faces(
+            faces["form"],
+            faces["surface"],
+            faces["reversed_"],
+            faces["role"],
+            faces["owner"],
+            s.p.component[faces["node"].astype(int)],
+        ),
+        coedges=Coedges(*(coedges[name][order] for name in ("face", "wire", "edge", "reversed_", "form", "pcurve"))),
+        pcurve_lines=np.stack([s.lines["origin"], s.lines["direction"]], axis=1),
+        pcurve_poles=np.concatenate(s.poles),
+        tube_poles=s.p.tubes.poles,
+        tolerance=s.tolerance,
+        components=int(s.p.component.max()) + 1,
+    )

@@ -5,7 +5,7 @@ degenerated edge; the seam runs along a meridian that meets no cap but those of 
 centre of a cap: its circle is a line of constant latitude.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -69,6 +69,12 @@ def place_seam(
         if best is not None:
             return best
     return None
+
+
+def renumber_cuts(seam: Seam, numbers: Int[np.ndarray, " k"]) -> Seam:
+    """The seam with cap i called ``numbers[i]``."""
+    south, north = (cut and (int(numbers[cut[0]]), cut[1]) for cut in (seam.south_cut, seam.north_cut))
+    return replace(seam, south_cut=south, north_cut=north)
 
 
 def _tilted(d: np.ndarray, a: np.ndarray, N: np.ndarray) -> np.ndarray:
@@ -211,3 +217,11 @@ def fit_longitudes(
     )
     deviation = R * np.linalg.norm(on_sphere - locate(_CHECK_POINTS), axis=-1).max(1) if len(R) else np.zeros(0)
     return poles, deviation
+
+
+def fit_sines(
+    t_range: tuple[float, float], middle: float, sign: float, size: float
+) -> Float[np.ndarray, "1 p 2"]:
+    """Poles of (angle, height) = (middle + sign t, size cos t) on `fit_knots`: an ellipse seen from its cylinder."""
+    t = t_range[0] + (t_range[1] - t_range[0]) * _fit_points()
+    return (_FIT @ np.stack([middle + sign * t, size * np.cos(t)], axis=-1))[None]

@@ -147,8 +147,9 @@ def pinched_tubes(tubes: Tubes) -> Bool[np.ndarray, " n_m"]:
 
 
 def _spine_sections(centerlines: Centerlines, ends: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    length = centerlines.lengths[:, None]
-    s_0, s_1 = np.clip(reach[:, :1] / length, 0, 0.45), 1 - np.clip(reach[:, 1:] / length, 0, 0.45)
+    # At least a trace of every curve is left, however much its nodes take.
+    share = reach / np.maximum(centerlines.lengths, reach.sum(1) / 0.98)[:, None]
+    s_0, s_1 = share[:, :1], 1 - share[:, 1:]
     sections = centerlines.at(s_0 + (s_1 - s_0) * _STEP)
     fade = (1 - _STEP) ** 3 * (1 + 3 * _STEP + 6 * _STEP**2)
     first, last = ends[:, 0] - sections[:, 0], ends[:, 1] - sections[:, -1]

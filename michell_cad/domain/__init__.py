@@ -1,4 +1,4 @@
-"""Domain: whatever a designer has (STEP, BREP, CAD objects, surfaces, tet meshes) -> a part with tets and named faces."""
+"""Domain: whatever a designer has (STEP, BREP, CAD objects, surfaces, tets) -> a part with tets and numbered faces."""
 
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,9 @@ def read_outline(path: str | Path, units: str | None = None) -> Outline:
     return read_npz_problem(path, units) if suffix == ".npz" else read_tet_file(path, units)
 
 
-def part_from_cad(obj: Any, mesh_size: float | None = None, progress: Progress | None = None, name: str = "part") -> Part:
+def part_from_cad(
+    obj: Any, mesh_size: float | None = None, progress: Progress | None = None, name: str = "part"
+) -> Part:
     """Make a part of a CadQuery Workplane or Shape, or a build123d Part, Solid or Compound (all in mm)."""
     from michell_cad.domain.cad_part import outline_from_shape
 

@@ -1,11 +1,11 @@
 """CAD parts: STEP and BREP files, CadQuery and build123d objects -> an outline that keeps the CAD faces.
 
-The kernel is reached through CadQuery only, which is imported when a CAD part is first read. One solid makes a part. Its
-faces are numbered in the kernel's order, which stays the same for the same file.
+The kernel is reached through CadQuery only, which is imported when a CAD part is first read. One solid makes a part.
+Its faces are numbered in the kernel's order, which stays the same for the same file.
 
 Units. A STEP file says in which unit it is written, and the kernel converts to mm. A `units` other than that stated
-unit (and other than mm, which means "as the file says") overrules the file: its numbers are then taken in `units`. A BREP
-file has no unit; its numbers are in `units`. Objects from Python are in mm, as CadQuery and build123d have it.
+unit (and other than mm, which means "as the file says") overrules the file: its numbers are then taken in `units`. A
+BREP file has no unit; its numbers are in `units`. Objects from Python are in mm, as CadQuery and build123d have it.
 """
 
 import re
@@ -48,7 +48,9 @@ def read_cad_file(path: Path, units: str | None) -> Outline:
         scale = _overruling_scale(text, units)
     else:
         if b"CASCADE Topology" not in path.read_bytes()[:4096]:
-            raise InvalidInputError(f"{name}: not a BREP file: the line 'CASCADE Topology V..' is missing at its beginning")
+            raise InvalidInputError(
+                f"{name}: not a BREP file: the line 'CASCADE Topology V..' is missing at its beginning"
+            )
         try:
             shapes = [cq.Shape.importBrep(str(path))]
         except ValueError as error:
@@ -62,13 +64,14 @@ def outline_from_shape(obj: Any, name: str = "part") -> Outline:
     """Make an outline of a CadQuery Workplane or Shape, or of a build123d Part, Solid or Compound, in mm."""
     import cadquery as cq
 
-    values = obj.vals() if hasattr(obj, "vals") and callable(obj.vals) else [obj]
+    values: list[Any] = obj.vals() if isinstance(obj, cq.Workplane) else [obj]
     solids = []
     for value in values:
         handle = getattr(value, "wrapped", None)
         if handle is None:
             raise InvalidInputError(
-                f"{name}: expected a CadQuery Workplane or Shape or a build123d Part or Solid, found {type(value).__name__}"
+                f"{name}: expected a CadQuery Workplane or Shape or a build123d Part or Solid, "
+                f"found {type(value).__name__}"
             )
         solids += cq.Shape.cast(handle).Solids()
     return _outline(_only_solid(solids, name), name, 1.0, 1.0)
@@ -127,7 +130,8 @@ def _tessellate(solid: Any, faces: list, name: str) -> Surface:
         vertices, indices = face.tessellate(CHORD_TOLERANCE * diagonal, ANGULAR_TOLERANCE)
         if not indices:
             raise InvalidInputError(
-                f"{name}: face {number} ({face.geomType()}) cannot be tessellated; heal the body in CAD and export it again"
+                f"{name}: face {number} ({face.geomType()}) cannot be tessellated; "
+                "heal the body in CAD and export it again"
             )
         points.append(np.array([vertex.toTuple() for vertex in vertices]))
         triangles.append(np.array(indices, np.int64) + offset)

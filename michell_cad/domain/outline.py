@@ -140,7 +140,7 @@ class Part:
     @cached_property
     def surface(self) -> Surface:
         """The boundary of the tet mesh; triangle k is boundary triangle k of the mesh."""
-        return Surface(self.mesh.vertices, self.mesh.boundary_triangles, self.mesh.cad_faces)
+        return Surface(self.mesh.vertices, self.mesh.boundary_triangles, np.asarray(self.mesh.cad_faces))
 
     @property
     def name(self) -> str:

@@ -26,10 +26,10 @@ def merge_vertices(
     points: Float[np.ndarray, "n 3"], triangles: Int[np.ndarray, "n_b 3"], tolerance: float = MERGE_TOLERANCE
 ) -> tuple[Float[np.ndarray, "n_v 3"], Int[np.ndarray, "n_b 3"]]:
     """Merge points that coincide within `tolerance` (relative to the diagonal); return vertices and triangles."""
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     distance = tolerance * max(np.linalg.norm(np.ptp(points, axis=0)), np.finfo(float).tiny)
-    pairs = cKDTree(points).query_pairs(distance, output_type="ndarray")
+    pairs = KDTree(points).query_pairs(distance, output_type="ndarray")
     n = len(points)
     graph = sp.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     labels = connected_components(graph, directed=False)[1]
@@ -58,8 +58,9 @@ def check_surface(
         open_edges, crowded = int((counts == 1).sum()), int((counts > 2).sum())
         first = vertices[pairs[np.argmax(counts[inverse] != 2)]].mean(0)
         raise InvalidInputError(
-            f"{name}: the surface is not closed: {open_edges} edges have only one triangle and {crowded} have more than "
-            f"two, first near ({first[0]:.6g}, {first[1]:.6g}, {first[2]:.6g}); close the holes and remove inner walls"
+            f"{name}: the surface is not closed: {open_edges} edges have only one triangle and {crowded} have more "
+            f"than two, first near ({first[0]:.6g}, {first[1]:.6g}, {first[2]:.6g}); close the holes, "
+            "remove inner walls"
         )
     triangles = _orient(vertices, triangles, inverse, name)
     used = np.unique(triangles)
@@ -87,20 +88,21 @@ def _orient(V: np.ndarray, F: np.ndarray, edge_of_side: np.ndarray, name: str) -
     depth = np.zeros(n_shells, int)
     for outer in range(n_shells):
         points = np.stack([V[F[np.argmax(shell == s)]].mean(0) for s in range(n_shells)])
-        inside = igl.winding_number(V, np.ascontiguousarray(F[shell == outer]), points) > 0.5
+        winding = np.asarray(igl.winding_number(V, np.ascontiguousarray(F[shell == outer]), points))
+        inside = winding > 0.5
         inside[outer] = False
         depth += inside
     solids = int((depth % 2 == 0).sum())
     if solids > 1:
         sizes = ", ".join(f"{v:.4g}" for v in np.abs(volumes[depth % 2 == 0])[:6])
         raise InvalidInputError(
-            f"{name}: expected the surface of one solid, found {solids} separate or overlapping bodies (volumes {sizes}); "
-            "unite them, or give one file per body"
+            f"{name}: expected the surface of one solid, found {solids} separate or overlapping bodies "
+            f"(volumes {sizes}); unite them, or give one file per body"
         )
     return np.where((depth % 2 == 1)[shell][:, None], F[:, [0, 2, 1]], F)
 
 
-# --- crossing triangles -------------------------------------------------------------------------------------------------
+# --- crossing triangles ----------------------------------------------------------------------------------------------
 
 
 def crossing_triangles(

@@ -75,7 +75,9 @@ def _load(path: Path) -> tuple[np.ndarray, np.ndarray, float | None]:
     stated = None
     if kind == "3mf":
         named = str(mesh.units or "millimeter").lower()
-        named = {"millimeters": "millimeter", "inches": "inch", "meters": "meter", "microns": "micron"}.get(named, named)
+        named = {"millimeters": "millimeter", "inches": "inch", "meters": "meter", "microns": "micron"}.get(
+            named, named
+        )
         stated = _UNITS_OF_3MF.get(named.rstrip("s"), _UNITS_OF_3MF.get(named, 1.0))
     return np.array(mesh.vertices, float), np.array(mesh.faces, np.int64), stated
 
@@ -92,7 +94,7 @@ def _check_signature(name: str, kind: str, data: bytes) -> None:
         ascii_text = data.lstrip()[:5].lower() == b"solid" and b"facet" in data[:4096].lower()
         if not (binary or ascii_text):
             raise InvalidInputError(
-                f"{name}: not an STL file, or cut short: neither 'solid ... facet' nor a binary head whose triangle count "
+                f"{name}: not an STL file, or cut short: neither 'solid ... facet' nor a binary head whose count "
                 f"fits the {len(data)} bytes"
             )
     if kind == "obj" and not any(line.startswith(b"v ") for line in data.splitlines()):

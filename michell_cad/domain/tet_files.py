@@ -1,8 +1,8 @@
 """Tet meshes (.mesh, .msh, .vtu through meshio) and whole problems (.npz) -> an outline that has its tets already.
 
-An `.npz` problem holds `vertices` (n_v, 3), `tets` (n_t, 4) and, optionally, `fixed` (n_v,) bool (all three axes held) and
-`force` (n_v, 3), N. Its lengths are metres unless `units` says otherwise; the other files are in mm. The axis that points up
-in pictures is y for `.npz`, as in the authors' problems, else z.
+An `.npz` problem holds `vertices` (n_v, 3), `tets` (n_t, 4) and, optionally, `fixed` (n_v,) bool (all three axes held)
+and `force` (n_v, 3), N. Its lengths are metres unless `units` says otherwise; the other files are in mm. The axis that
+points up in pictures is y for `.npz`, as in the authors' problems, else z.
 """
 
 import zipfile

@@ -35,14 +35,14 @@ class Chains:
 def order_chains(n: int, ends: Int[np.ndarray, "m 2"]) -> Chains:
     """Put the vertices of a graph of paths and loops in order, in time linear in its size.
 
-    Every loop is cut at one of its edges and the chains are tied end to start: the graph becomes one path, which a single
-    breadth-first search walks from end to end.
+    Every loop is cut at one of its edges and the chains are tied end to start: the graph becomes one path, which a
+    single breadth-first search walks from end to end.
 
     Parameters
     ----------
     n : number of vertices.
-    ends : (m, 2) int, the two vertices of each edge. No vertex has more than two; double edges and edges from a vertex to
-        itself are loops of two and one vertices.
+    ends : (m, 2) int, the two vertices of each edge. No vertex has more than two; double edges and edges from a vertex
+        to itself are loops of two and one vertices.
     """
     if n == 0:
         empty = np.zeros(0, np.int64)

@@ -1,9 +1,9 @@
 """Interior isocurves {phi_i = a, phi_j = b}: their segments in the tets, and the nodes on them.
 
-The image of a tet is convex, so a generic lattice line crosses none or two of its faces: crossings with the same tet, pair
-and values come in twos, and each two bound a segment. A node (tet, a, b, c) lies on it when c separates the third
-coordinates of its ends. Each of the three families decides this from the same signs of the four faces of the tet against
-the point (a, b, c), hence a node of one is a node of all three.
+The image of a tet is convex, so a generic lattice line crosses none or two of its faces: crossings with the same tet,
+pair and values come in twos, and each two bound a segment. A node (tet, a, b, c) lies on it when c separates the third
+coordinates of its ends. Each of the three families decides this from the same signs of the four faces of the tet
+against the point (a, b, c), hence a node of one is a node of all three.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,8 @@ class Segments:
     ----------
     ends : (m, 2) int, the two chain vertices of each segment.
     node_offsets : (m + 1,) int.
-    nodes : node numbers of segment s, in order from its first end, are ``nodes[node_offsets[s] : node_offsets[s + 1]]``.
+    nodes : (k,) int, nodes on the segments, each in order from its first end; those of segment s are
+        ``nodes[node_offsets[s] : node_offsets[s + 1]]``.
     """
 
     ends: Int[np.ndarray, "m 2"]
@@ -62,7 +63,11 @@ def trace_interior(
     for pair, (i, j) in enumerate(PAIRS):
         mine = crossings.pair[start[segment]] == pair
         crossing = start[segment[mine]]
-        values[mine, i], values[mine, j], values[mine, 2 - pair] = crossings.a[crossing], crossings.b[crossing], third[mine]
+        values[mine, i], values[mine, j], values[mine, 2 - pair] = (
+            crossings.a[crossing],
+            crossings.b[crossing],
+            third[mine],
+        )
     order = lexicographic_order(np.column_stack([tets[segment], values]))
     triples = order.reshape(-1, 3)
     assert (values[triples] == values[triples[:, :1]]).all(), "a node is not shared by three curves"

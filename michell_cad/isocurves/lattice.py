@@ -7,8 +7,8 @@ families) as soon as every decision is the one that a *generic* map would give. 
    solver cannot move a vertex from one side to the other, and all predicates are exact in 64-bit integers.
 2. What is still a tie (an integer point exactly on the image of an edge or face) is decided as if all three levels were
    lowered by (e1, e2, e3), e1 >> e2 >> e3 > 0 infinitesimal: simulation of simplicity (Edelsbrunner and Mücke 1990,
-   doi:10.1145/77635.77639) with one shift for the whole map instead of one for each vertex. All predicates used are linear
-   in that shift, so the first non-zero coefficient decides.
+   doi:10.1145/77635.77639) with one shift for the whole map instead of one for each vertex. All predicates used are
+   linear in that shift, so the first non-zero coefficient decides.
 
 A lattice point (a, b) below always stands for the shifted one, (a + e_i, b + e_j).
 """
@@ -87,8 +87,8 @@ def round_levels(levels: Float[np.ndarray, "n_v 3"], tets: Int[np.ndarray, "n_t 
     extent = widest.max()
     require(
         extent <= MAX_CELLS_PER_TET,
-        f"a tet may span {MAX_CELLS_PER_TET:g} cells of the parametrization at most; tet {int(np.argmax(widest))} spans "
-        f"{extent:.4g}. Use a finer mesh or a smaller resolution",
+        f"a tet may span {MAX_CELLS_PER_TET:g} cells of the parametrization at most; tet {int(np.argmax(widest))} "
+        f"spans {extent:.4g}. Use a finer mesh or a smaller resolution",
     )
     shift = PREDICATE_BITS - max(0, int(np.ceil(np.log2(max(extent, 1.0)))))
     return GridLevels(2 * np.rint(np.ldexp(levels, shift - 1)).astype(np.int64) + 1, shift)
@@ -143,8 +143,8 @@ def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossi
     """Find all crossings of lattice lines with triangles.
 
     The line of the pair (i, j) through (a, b) crosses a face when (a, b) lies inside the image of the face in the plane
-    (phi_i, phi_j): the three products w = orient2D(two corners, point) then have the same sign. They are the barycentric
-    coordinates, times their sum, from which the third coordinate follows as an exact fraction.
+    (phi_i, phi_j): the three products w = orient2D(two corners, point) then have the same sign. They are the
+    barycentric coordinates, times their sum, from which the third coordinate follows as an exact fraction.
     """
     corner_floors = [grid.floors[corner] for corner in faces.T]
     low = np.minimum(np.minimum(corner_floors[0], corner_floors[1]), corner_floors[2])

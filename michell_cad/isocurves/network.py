@@ -17,7 +17,8 @@ class CurveNetwork:
     ----------
     nodes : (n_n, 3) float, mm.
     node_kinds : (n_n,) int, values of `NodeKind`.
-    node_levels : (n_n, 3) float, the parametrization (in cells) at the nodes; integer to rounding where a curve says so.
+    node_levels : (n_n, 3) float, the parametrization (in cells) at the nodes; integer to rounding where a curve says
+        so.
     members : (n_m, 2) int. Unlike in a `Truss`, two members may join the same two nodes (lens-shaped re-entries, or a
         boundary and an interior curve), and a closed curve through one node only has a member from it to itself.
     path_points : (n_p, 3) float, mm, where the member crosses the faces of the tets between its two nodes, in order

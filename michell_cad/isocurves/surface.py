@@ -1,9 +1,9 @@
 """Surface isocurves {phi_i = a} on the boundary triangles, between the sharp features of the part.
 
 A generic lattice plane crosses none or two edges of a boundary triangle, and the segment between them meets the lattice
-lines {phi_i = a, phi_j = b} exactly where these cross the triangle: at the ends of the interior curves. How many nodes come
-before each is known exactly from the floors of the other two coordinates at the start and at the node, so that the nodes
-of a segment are ranked without comparing distances.
+lines {phi_i = a, phi_j = b} exactly where these cross the triangle: at the ends of the interior curves. How many nodes
+come before each is known exactly from the floors of the other two coordinates at the start and at the node, so that the
+nodes of a segment are ranked without comparing distances.
 """
 
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ class SurfaceSegments:
     ----------
     segments : chain vertices are ``vertex_crossings`` entries.
     triangle, axis, value : (m,) int, the boundary triangle of each segment and its {phi_axis = value}.
-    vertex_crossings : (n,) int, edge crossing at each chain vertex. At a sharp edge every segment end is a vertex of its
-        own, so that chains end there.
+    vertex_crossings : (n,) int, edge crossing at each chain vertex. At a sharp edge every segment end is a vertex of
+        its own, so that chains end there.
     """
 
     segments: Segments

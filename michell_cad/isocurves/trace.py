@@ -1,12 +1,12 @@
 """Tracing the integer isocurves of a parametrization: Arora et al. 2019 (doi:10.1145/3328939.3328999), Section 4.4.
 
-The paper follows each curve from tet to tet. Here all crossings of lattice lines with the faces of the mesh are found at
-once by exact predicates, linked within the tets, and chained (`lattice`, `interior`, `surface`, `features`, `chains`,
-`weave`). Departures from the paper:
+The paper follows each curve from tet to tet. Here all crossings of lattice lines with the faces of the mesh are found
+at once by exact predicates, linked within the tets, and chained (`lattice`, `interior`, `surface`, `features`,
+`chains`, `weave`). Departures from the paper:
 
-1. The map is made generic once (see `lattice`), so that on any map, also a folded, random or constant one, curves close or
-   end on the boundary, every interior node lies on exactly three of them, and a boundary node on one interior and two
-   surface curves.
+1. The map is made generic once (see `lattice`), so that on any map, also a folded, random or constant one, curves close
+   or end on the boundary, every interior node lies on exactly three of them, and a boundary node on one interior and
+   two surface curves.
 2. The curves {phi_i = a} on the boundary surface join the ends of the interior curves, and end at the sharp features of
    the part. These are curves, too.
 3. Curves carry a component number, since several can have the same isovalues.
@@ -18,13 +18,13 @@ gets one node.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from michell_cad.arrays import require
-from michell_cad.curves import FAMILIES, Curve, CurveKind, NodeKind
+from michell_cad.curves import FAMILIES, Curve, CurveKind, Isovalues, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
 from michell_cad.isocurves.features import FeatureSegments, trace_features
-from michell_cad.isocurves.interior import InteriorNodes, Segments, trace_interior
+from michell_cad.isocurves.interior import Segments, trace_interior
 from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, cross_edges, cross_faces, round_levels
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.isocurves.surface import SurfaceSegments, find_edges, trace_surface
@@ -43,8 +43,8 @@ class IsocurveOptions:
 
     Parameters
     ----------
-    corner_angle : radians. A sharp feature that turns by more has a corner there, where its curve ends. The default of 50
-        degrees lies between the bends of a circle meshed by eight chords (45) and of a hexagon (60).
+    corner_angle : radians. A sharp feature that turns by more has a corner there, where its curve ends. The default of
+        50 degrees lies between the bends of a circle meshed by eight chords (45) and of a hexagon (60).
     """
 
     corner_angle: float = np.deg2rad(50.0)
@@ -57,11 +57,20 @@ class IsocurveOptions:
 
 @dataclass(frozen=True, eq=False)
 class _Nodes:
-    """Nodes before they are put in their final order: interior, boundary, feature, corner."""
+    """Nodes before they are put in their final order."""
 
     points: np.ndarray
     kinds: np.ndarray
     levels: np.ndarray
+
+    @staticmethod
+    def join(*parts: tuple[NodeKind, np.ndarray, np.ndarray]) -> "_Nodes":
+        """Nodes of several kinds, given by kind, points and levels."""
+        return _Nodes(
+            np.concatenate([points for _, points, _ in parts]),
+            np.repeat([kind for kind, _, _ in parts], [len(points) for _, points, _ in parts]),
+            np.concatenate([levels for _, _, levels in parts]).astype(float),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +90,7 @@ def trace_isocurves(
     mesh: TetMesh,
     levels: Float[np.ndarray, "n_v 3"],
     families: tuple[str, str, str] = ("tension", "third", "compression"),
-    options: IsocurveOptions = IsocurveOptions(),  # noqa: B008 (a frozen value)
+    options: IsocurveOptions = IsocurveOptions(),
 ) -> CurveNetwork:
     """Trace the curves along which two coordinates of a piecewise-linear map are integer.
 
@@ -98,7 +107,7 @@ def trace_isocurves(
     Returns
     -------
     CurveNetwork
-        Nodes lie on the isosurfaces of the given levels to about 1e-6 cells (2^-20 times the cells in the widest tet).
+        Nodes lie on the isosurfaces of the given levels to 2^-18 times the cells across the widest tet (4e-6 cells).
         Nodes, members and curves are in an order that does not depend on the numbering of vertices and tets.
 
     Raises
@@ -125,44 +134,39 @@ def trace_isocurves(
     )
     grid = round_levels(levels, mesh.tets)
     crossings = cross_faces(mesh.faces, grid)
-    crossing_points = np.einsum("nk,nkd->nd", crossings.weights, mesh.vertices[mesh.faces[crossings.face]])
-    interior, interior_nodes = trace_interior(mesh, crossings, crossing_points)
+    points = np.einsum("nk,nkd->nd", crossings.weights, mesh.vertices[mesh.faces[crossings.face]])
+    interior, interior_nodes = trace_interior(mesh, crossings, points)
     edges = cross_edges(mesh.boundary_edges, grid)
+    edge_points, edge_levels = _at_edges(mesh, levels, edges)
     sharp = np.zeros(len(mesh.boundary_edges), bool)
     sharp[find_edges(mesh, mesh.feature_edges)] = True
-    on_boundary = mesh.face_tets[crossings.face, 1] < 0
-    boundary_nodes = _number(on_boundary, len(interior_nodes.tets))
-    feature_nodes = _number(sharp[edges.edge], len(interior_nodes.tets) + int(on_boundary.sum()))
+
+    # Nodes, numbered as they come: where three curves cross, where one leaves the solid, on sharp edges, at corners.
+    outer, on_sharp = mesh.face_tets[crossings.face, 1] < 0, sharp[edges.edge]
+    boundary_nodes = _number(outer, len(interior_nodes.tets))
+    feature_nodes = _number(on_sharp, len(interior_nodes.tets) + int(outer.sum()))
     surface = trace_surface(mesh, grid, crossings, edges, sharp, boundary_nodes)
     features = trace_features(mesh, edges, np.flatnonzero(sharp), feature_nodes, options.corner_angle)
-    edge_points, edge_levels = _at_edges(mesh, levels, edges)
-    on_sharp = feature_nodes >= 0
-    boundary_levels = _crossing_levels(crossings, on_boundary)
-    nodes = _Nodes(
-        np.concatenate(
-            [interior_nodes.points, crossing_points[on_boundary], edge_points[on_sharp], mesh.vertices[features.corners]]
-        ),
-        np.repeat(
-            [NodeKind.INTERIOR, NodeKind.BOUNDARY, NodeKind.FEATURE, NodeKind.CORNER],
-            [len(interior_nodes.tets), on_boundary.sum(), on_sharp.sum(), len(features.corners)],
-        ),
-        np.concatenate(
-            [interior_nodes.values.astype(float), boundary_levels, edge_levels[on_sharp], levels[features.corners]]
-        ),
+    nodes = _Nodes.join(
+        (NodeKind.INTERIOR, interior_nodes.points, interior_nodes.values),
+        (NodeKind.BOUNDARY, points[outer], _crossing_levels(crossings)[outer]),
+        (NodeKind.FEATURE, edge_points[on_sharp], edge_levels[on_sharp]),
+        (NodeKind.CORNER, mesh.vertices[features.corners], levels[features.corners]),
     )
-    first_corner = len(nodes.points) - len(features.corners)
+
+    corner_nodes = _corner_nodes(features, len(nodes.points) - len(features.corners))
+    parts = [interior, surface.segments, features.segments]
     strands = _Strands(
-        _concatenate([interior, surface.segments, features.segments], [len(crossings.face), len(surface.vertex_crossings)]),
-        np.repeat([0, 1, 2], [len(part.ends) for part in (interior, surface.segments, features.segments)]),
+        _concatenate(parts, [len(points), len(surface.vertex_crossings)]),
+        np.repeat([0, 1, 2], [len(part.ends) for part in parts]),
         _isovalues(crossings, interior, surface, len(features.segments.ends)),
-        np.concatenate([crossing_points, edge_points[surface.vertex_crossings], mesh.vertices[features.vertices]]),
-        np.concatenate(
-            [boundary_nodes, feature_nodes[surface.vertex_crossings], _corner_nodes(features, first_corner)]
-        ),
+        np.concatenate([points, edge_points[surface.vertex_crossings], mesh.vertices[features.vertices]]),
+        np.concatenate([boundary_nodes, feature_nodes[surface.vertex_crossings], corner_nodes]),
     )
     chains = order_chains(len(strands.vertex_points), strands.segments.ends)
     axes = _axes(mesh, levels, surface, edge_points, strands, chains)
-    return _assemble(strands, chains, axes, *_node_every_feature(mesh, levels, features, strands, chains, nodes), families)
+    nodes, vertex_nodes = _node_every_feature(mesh, levels, features, strands, chains, nodes)
+    return _assemble(strands, chains, axes, nodes, vertex_nodes, families)
 
 
 def _number(mask: np.ndarray, first: int) -> np.ndarray:
@@ -188,12 +192,12 @@ def _at_edges(mesh: TetMesh, levels: np.ndarray, edges: EdgeCrossings) -> tuple[
     return mesh.vertices[u] + fraction * (mesh.vertices[v] - mesh.vertices[u]), at
 
 
-def _crossing_levels(crossings: FaceCrossings, mask: np.ndarray) -> np.ndarray:
+def _crossing_levels(crossings: FaceCrossings) -> np.ndarray:
     at = np.empty((len(crossings.face), 3))
     for pair, (i, j) in enumerate(PAIRS):
         mine = crossings.pair == pair
         at[mine, i], at[mine, j], at[mine, 2 - pair] = crossings.a[mine], crossings.b[mine], crossings.level[mine]
-    return at[mask]
+    return at
 
 
 def _concatenate(parts: list[Segments], vertex_counts: list[int]) -> Segments:
@@ -221,7 +225,12 @@ def _isovalues(crossings: FaceCrossings, interior: Segments, surface: SurfaceSeg
 
 
 def _axes(
-    mesh: TetMesh, levels: np.ndarray, surface: SurfaceSegments, edge_points: np.ndarray, strands: _Strands, chains: Chains
+    mesh: TetMesh,
+    levels: np.ndarray,
+    surface: SurfaceSegments,
+    edge_points: np.ndarray,
+    strands: _Strands,
+    chains: Chains,
 ) -> np.ndarray:
     """Coordinate along which each chain runs, -1 for features."""
     n_c = len(chains.closed)
@@ -252,13 +261,11 @@ def _axes(
 def _node_every_feature(
     mesh: TetMesh, levels: np.ndarray, features: FeatureSegments, strands: _Strands, chains: Chains, nodes: _Nodes
 ) -> tuple[_Nodes, np.ndarray]:
-    """Give closed features without any node one at their lowest vertex (by x, then y, then z); also returns vertex_nodes."""
+    """Give closed features without a node one at their lowest vertex (by x, y, z); all nodes, and those at vertices."""
     vertex_nodes = strands.vertex_nodes.copy()
     counts = np.diff(strands.segments.node_offsets)
     inside = np.where(chains.next_edge >= 0, counts[chains.next_edge], 0) if len(counts) else np.zeros(0, np.int64)
-    n_nodes = np.bincount(
-        chains.chain, inside + (vertex_nodes[chains.order] >= 0), minlength=len(chains.closed)
-    )
+    n_nodes = np.bincount(chains.chain, inside + (vertex_nodes[chains.order] >= 0), minlength=len(chains.closed))
     first_feature = len(vertex_nodes) - len(features.vertices)
     bare = np.flatnonzero((n_nodes == 0) & (chains.order[chains.offsets[:-1]] >= first_feature))
     chosen = []
@@ -268,12 +275,13 @@ def _node_every_feature(
     chosen = np.array(chosen, np.int64)
     vertex_nodes[chosen] = len(nodes.points) + np.arange(len(chosen))
     at = features.vertices[chosen - first_feature]
-    extended = _Nodes(
-        np.concatenate([nodes.points, mesh.vertices[at]]),
-        np.concatenate([nodes.kinds, np.full(len(at), NodeKind.FEATURE)]),
-        np.concatenate([nodes.levels, levels[at]]),
+    more = _Nodes.join((NodeKind.FEATURE, mesh.vertices[at], levels[at]))
+    joined = _Nodes(
+        np.concatenate([nodes.points, more.points]),
+        np.concatenate([nodes.kinds, more.kinds]),
+        np.concatenate([nodes.levels, more.levels]),
     )
-    return extended, vertex_nodes
+    return joined, vertex_nodes
 
 
 def _assemble(
@@ -293,7 +301,7 @@ def _assemble(
     a_segment = np.zeros(len(chains.closed), np.int64)
     a_segment[chains.chain[chains.next_edge >= 0]] = chains.next_edge[chains.next_edge >= 0]
     labels = np.column_stack([strands.kinds[a_segment], strands.isovalues[a_segment]])
-    woven = weave_curves(chains, segments, numbered, labels, axes, nodes.levels[order])
+    woven = weave_curves(chains, segments, numbered, strands.vertex_points, labels, axes, nodes.levels[order])
     return CurveNetwork(
         nodes.points[order],
         nodes.kinds[order],
@@ -305,7 +313,14 @@ def _assemble(
     )
 
 
-def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]) -> tuple[Curve, ...]:
+def _isovalues_of(*values: int) -> Isovalues:
+    a, b, c = (None if value == NONE else value for value in values)
+    return a, b, c
+
+
+def _label(
+    woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]
+) -> tuple[Curve, ...]:
     """Curves with their labels; those with equal kind and isovalues are numbered in the order in which they come."""
     curves = []
     component, last = 0, None
@@ -319,7 +334,7 @@ def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: t
                 KINDS[kind],
                 families[axes[c]] if axes[c] >= 0 else "feature",
                 int(axes[c]),
-                (*(None if value == NONE else value for value in isovalues),),
+                _isovalues_of(*isovalues),
                 component,
                 woven.nodes[n0:n1],
                 numbers[m0:m1],

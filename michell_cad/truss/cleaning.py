@@ -1,14 +1,14 @@
 """From the traced network to a truss that can be built: short members collapsed, near-parallel members joined.
 
-Arora et al. 2019 (Section 4.4) merge the ends of short elements and lose the labels of the curves there. Here a curve is a
-sequence of nodes and keeps its label as long as two nodes are left of it. Two curves may end up on one member.
+Arora et al. 2019 (Section 4.4) merge the ends of short elements and lose the labels of the curves there. Here a curve
+is a sequence of nodes and keeps its label as long as two nodes are left of it. Two curves may end up on one member.
 
 1. Two members between the same nodes become one, unless both lie on the surface and enclose something.
 2. The ends of members shorter than `TrussOptions.shortest_member` are merged, the shortest first: towards corners, then
-   features, then the boundary; two interior nodes meet at their centre of mass. Nodes on the surface never leave it: of two
-   of the same kind the one that stands for more nodes stays where it is.
-3. Two members that enclose less than `TrussOptions.smallest_angle` at a node are joined: the far ends are merged if they
-   are close, else the longer member is led through the end of the shorter one.
+   features, then the boundary; two interior nodes meet at their centre of mass. Nodes on the surface never leave it: of
+   two of the same kind the one that stands for more nodes stays where it is.
+3. Two members that enclose less than `TrussOptions.smallest_angle` at a node are joined: the far ends are merged if
+   they are close, else the longer member is led through the end of the shorter one.
 """
 
 from dataclasses import dataclass, replace
@@ -33,9 +33,9 @@ class TrussOptions:
 
     Parameters
     ----------
-    shortest_member : relative to the spacing. Shorter members are collapsed. The default leaves room for the two nodes of a
-        member of radius r = 0.1 spacing with fillets f = 0.4 r: a node of radius R = 1.8 r takes
-        ((R + f)^2 - (r + f)^2)^(1/2) = 1.7 r from its member, 0.34 spacing at both ends.
+    shortest_member : relative to the spacing. Shorter members are collapsed. The default leaves room for the two nodes
+        of a member of radius r = 0.1 spacing with fillets f = 0.4 r: a node of radius R = 1.8 r takes ((R + f)^2 - (r +
+        f)^2)^(1/2) = 1.7 r from its member, 0.34 spacing at both ends.
     smallest_angle : radians. Members that enclose less are joined where possible: two tubes of radius r and length L
         overlap all along below about 2 r / L, 11 degrees for r = 0.1 L.
     """
@@ -84,7 +84,7 @@ class CleaningReport:
 def build_truss(
     network: CurveNetwork,
     spacing: float,
-    options: TrussOptions = TrussOptions(),  # noqa: B008 (a frozen value)
+    options: TrussOptions = TrussOptions(),
 ) -> Truss:
     """Clean a traced network; see `clean_network`, which also reports what was done."""
     return clean_network(network, spacing, options)[0]
@@ -93,7 +93,7 @@ def build_truss(
 def clean_network(
     network: CurveNetwork,
     spacing: float,
-    options: TrussOptions = TrussOptions(),  # noqa: B008 (a frozen value)
+    options: TrussOptions = TrussOptions(),
 ) -> tuple[Truss, CleaningReport]:
     """Make a truss of a traced network: no repeated, no short and few near-parallel members.
 
@@ -106,8 +106,8 @@ def clean_network(
     Returns
     -------
     Truss
-        Curves keep their labels and their order; curves whose nodes all merged are gone. A closed curve that shrank to one
-        member is open.
+        Curves keep their labels and their order; curves whose nodes all merged are gone. A closed curve that shrank to
+        one member is open.
     CleaningReport
 
     Raises
@@ -129,8 +129,8 @@ def clean_network(
     draft, still_more = split_lenses(draft)
     require(
         len(draft.sequence),
-        f"no member is left of {len(network.members)} at a spacing of {spacing:.4g} mm: the part is smaller than a truss "
-        "cell. Use a larger resolution or a smaller spacing",
+        f"no member is left of {len(network.members)} at a spacing of {spacing:.4g} mm: the part is smaller than a "
+        "cell of the truss. Use a larger resolution or a smaller spacing",
     )
     truss = finish(draft, network.curves, spacing)
     steps = np.bincount(np.concatenate([curve.members for curve in truss.curves]))
@@ -153,7 +153,8 @@ def clean_network(
 def collapse_short(draft: Draft, shortest: float) -> tuple[Draft, int, int]:
     """Merge the ends of short members; returns the draft, the number of merged nodes, and of corners among them.
 
-    In each round all members merge that are the shortest at both of their ends, so that the order is the same as one by one.
+    In each round all members merge that are the shortest at both of their ends, so that the order is the same as one by
+    one.
     """
     nodes, kinds, weights = draft.nodes.copy(), draft.kinds.copy(), draft.weights.copy()
     names = np.arange(len(nodes))
@@ -181,7 +182,9 @@ def collapse_short(draft: Draft, shortest: float) -> tuple[Draft, int, int]:
     return replace(draft, nodes=nodes, kinds=kinds, weights=weights).renamed(names), merged, corners
 
 
-def _merge(nodes: np.ndarray, kinds: np.ndarray, weights: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _merge(
+    nodes: np.ndarray, kinds: np.ndarray, weights: np.ndarray, pairs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Merge disjoint pairs of nodes (in place): returns the nodes that stay and those that go."""
     a, b = pairs.T
     b_stays = (kinds[b] > kinds[a]) | ((kinds[b] == kinds[a]) & (weights[b] > weights[a]))
@@ -197,9 +200,9 @@ def _merge(nodes: np.ndarray, kinds: np.ndarray, weights: np.ndarray, pairs: np.
 def join_parallel(draft: Draft, shortest: float, smallest_angle: float) -> tuple[Draft, int, int]:
     """Join members that enclose less than the smallest angle; returns the draft, merged ends and rerouted members.
 
-    Of two such members v-a (the shorter) and v-b: if b lies less than `shortest` beyond the foot of a on v-b, or nearer to a
-    than that, a and b are merged; else v-b is led through a, for which an a that may not lie on the curves of v-b is first
-    moved to its foot on v-b. Two different features that meet at an acute angle are left.
+    Of two such members v-a (the shorter) and v-b: if b lies less than `shortest` beyond the foot of a on v-b, or nearer
+    to a than that, a and b are merged; else v-b is led through a, for which an a that may not lie on the curves of v-b
+    is first moved to its foot on v-b. Two different features that meet at an acute angle are left.
     """
     pairs, entries, member = draft.pairs()
     v, a, b = acute_pairs(draft.nodes, pairs, smallest_angle)
@@ -260,10 +263,9 @@ def acute_pairs(
     return darts[near, 0], darts[near, 1], darts[far, 1]
 
 
-def valences(
-    kinds: Int[np.ndarray, " n"], members: Int[np.ndarray, "m 2"]
-) -> dict[str, dict[int, int]]:
-    """Histograms of the number of members at interior nodes and at all others: ``{"interior": {6: 120}, "boundary": ...}``.
+def valences(kinds: Int[np.ndarray, " n"], members: Int[np.ndarray, "m 2"]) -> dict[str, dict[int, int]]:
+    """Histograms of the number of members at interior nodes and at all others: ``{"interior": {6: 120}, "boundary":
+    ...}``.
 
     A member from a node to itself counts twice.
     """
@@ -277,6 +279,6 @@ def valences(
 
 
 def interior_degree_6(network: CurveNetwork) -> float:
-    """Fraction of the interior nodes of a traced network with exactly six members (1.0 if there is no interior node)."""
+    """Fraction of the interior nodes of a traced network with exactly six members (1.0 if there is none)."""
     histogram = valences(network.node_kinds, network.members)["interior"]
     return histogram.get(6, 0) / sum(histogram.values()) if histogram else 1.0

@@ -1,7 +1,7 @@
 """The truss while it is being cleaned: nodes, and every curve as a sequence of nodes.
 
-Members are implied: two nodes that follow each other on a curve are joined by one. So members cannot repeat, labels cannot
-be lost, and merging two nodes is a renaming.
+Members are implied: two nodes that follow each other on a curve are joined by one. So members cannot repeat, labels
+cannot be lost, and merging two nodes is a renaming.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +13,21 @@ from michell_cad.curves import Curve, CurveKind, NodeKind
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.values import Truss
 
-RANKS = {CurveKind.INTERIOR: NodeKind.INTERIOR, CurveKind.BOUNDARY: NodeKind.BOUNDARY, CurveKind.FEATURE: NodeKind.FEATURE}
+RANKS = {
+    CurveKind.INTERIOR: NodeKind.INTERIOR,
+    CurveKind.BOUNDARY: NodeKind.BOUNDARY,
+    CurveKind.FEATURE: NodeKind.FEATURE,
+}
 """The lowest kind of node through which a curve may run."""
+
+
+BOWED = 0.15
+"""A member whose traced middle is farther from its chord gets it as a waypoint (relative to the spacing): a spline
+through the nodes alone follows bows of less to 0.05 spacing on nearly all members. Only where cleaning did not move its
+ends."""
+
+HAIRPIN = 0.75
+"""No waypoint where the middle is farther from the chord than this (relative to the chord; half a circle has 0.5)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +45,8 @@ class Draft:
         entry of a closed curve leads to its first; that of an open curve leads nowhere.
     closed : (n_c,) bool.
     ranks : (n_c,) int, see `RANKS`.
-    lens : mm. Two steps of boundary or feature curves between the same nodes are one member if their middles are closer
-        than this; otherwise something lies between them (a hole, the other side of a wall).
+    lens : mm, length of the shortest member. Two steps of boundary or feature curves between the same nodes are one
+        member if their middles are closer than this; otherwise something lies between them (a hole, another face).
     """
 
     nodes: Float[np.ndarray, "n 3"]
@@ -72,8 +85,8 @@ class Draft:
     def renamed(self, names: Int[np.ndarray, " n"]) -> "Draft":
         """The same curves through the nodes ``names[node]``, without steps from a node to itself, spurs and points.
 
-        A curve that goes to a node and straight back stops short of it; what shrinks to one node vanishes; a closed curve
-        that shrinks to one member, there and back, becomes an open one.
+        A curve that goes to a node and straight back stops short of it; what shrinks to one node vanishes; a closed
+        curve that shrinks to one member, there and back, becomes an open one.
         """
         moved = replace(self, sequence=names[self.sequence])
         return moved.kept(moved.following != moved.sequence).without_spurs()
@@ -125,7 +138,20 @@ class Draft:
         """Whether a step and the next one, back to where it began, run along one member."""
         if self.ranks[self.curve[there]] == NodeKind.INTERIOR:
             return True
-        return bool(np.linalg.norm(self.middles[there] - self.middles[back]) < self.lens)
+        ends = self.nodes[self.sequence[[there, back]]]
+        return not self.encloses(ends, self.middles[there], self.middles[back])
+
+    def encloses(
+        self, ends: Float[np.ndarray, "2 3"], near: Float[np.ndarray, " 3"], far: Float[np.ndarray, " 3"]
+    ) -> bool:
+        """Whether two ways between the same ends, with these middles, are two members, see `lens`.
+
+        A node in the middle of the farther way must leave two members that are not too short.
+        """
+        chord = ends.mean(0)
+        if np.linalg.norm(near - chord) > np.linalg.norm(far - chord):
+            near, far = far, near
+        return bool(np.linalg.norm(near - far) >= self.lens and (np.linalg.norm(far - ends, axis=1) >= self.lens).all())
 
     def inserted(self, entries: Int[np.ndarray, " i"], nodes: Int[np.ndarray, " i"]) -> "Draft":
         """The same curves, leading from each of `entries` through the given node to the next one."""
@@ -216,22 +242,25 @@ def split_lenses(draft: Draft) -> tuple[Draft, int]:
     lowest = np.minimum.reduceat(ranks[order], bounds[:-1]) if len(pairs) else ranks
     points, kinds, at, through = [], [], [], []
     for m in np.flatnonzero((np.diff(bounds) > 1) & (lowest > NodeKind.INTERIOR)):
+        ends = draft.nodes[pairs[m]]
         steps = order[bounds[m] : bounds[m + 1]]
-        middles = draft.middles[entries[steps]]
-        ways, way_nodes = [middles[0]], [-1]
-        for step, middle in zip(steps, middles, strict=True):
-            distance = np.linalg.norm(np.array(ways) - middle, axis=1)
-            way = int(distance.argmin())
-            if distance[way] >= draft.lens:
+        rise = np.linalg.norm(draft.middles[entries[steps]] - ends.mean(0), axis=1)
+        steps = steps[np.argsort(rise, kind="stable")]
+        # The way nearest to the chord stays as it is; every other one has a node of its own.
+        ways, way_nodes = [draft.middles[entries[steps[0]]]], [-1]
+        for step in steps[1:]:
+            middle = draft.middles[entries[step]]
+            way = int(np.linalg.norm(np.array(ways) - middle, axis=1).argmin())
+            if draft.encloses(ends, ways[way], middle):
                 way = len(ways)
                 ways.append(middle)
-                way_nodes.append(len(draft.nodes) + len(points))
+                way_nodes.append(len(points))
                 points.append(middle)
                 kinds.append(ranks[step])
             if way:
                 at.append(entries[step])
-                through.append(way_nodes[way])
-                kinds[way_nodes[way] - len(draft.nodes)] = max(kinds[way_nodes[way] - len(draft.nodes)], ranks[step])
+                through.append(len(draft.nodes) + way_nodes[way])
+                kinds[way_nodes[way]] = max(kinds[way_nodes[way]], ranks[step])
     if not points:
         return draft, 0
     where = np.argsort(at)
@@ -240,7 +269,7 @@ def split_lenses(draft: Draft) -> tuple[Draft, int]:
 
 
 def finish(draft: Draft, curves: tuple[Curve, ...], spacing: float) -> Truss:
-    """The truss of a draft: nodes in use, members, and the curves that are left."""
+    """The truss of a draft: nodes in use, members with waypoints where they bow, and the curves that are left."""
     pairs, entries, member = draft.pairs()
     used, renumbered = np.unique(draft.sequence, return_inverse=True)
     names = np.full(len(draft.nodes), -1)
@@ -248,9 +277,17 @@ def finish(draft: Draft, curves: tuple[Curve, ...], spacing: float) -> Truss:
     member_of_entry = np.full(len(draft.sequence), -1)
     member_of_entry[entries] = member
     bounds = draft.bounds
+    left = np.flatnonzero(np.diff(bounds))
     made = []
-    for number in np.flatnonzero(np.diff(bounds)):
+    for number in left:
         part, closed = slice(bounds[number], bounds[number + 1]), bool(draft.closed[number])
         members = member_of_entry[part] if closed else member_of_entry[part][:-1]
         made.append(replace(curves[number], nodes=renumbered[part], members=members, closed=closed))
-    return Truss(draft.nodes[used], draft.kinds[used], names[pairs], tuple(made), spacing)
+    truss = Truss(draft.nodes[used], draft.kinds[used], names[pairs], tuple(made), spacing)
+    # The traced middle of each member, on the curve that shapes it.
+    middles = np.zeros((len(pairs), 3))
+    mine = left[truss.shape_of_member[member]] == draft.curve[entries]
+    middles[member[mine]] = draft.middles[entries[mine]]
+    rise = np.linalg.norm(middles - truss.nodes[truss.members].mean(1), axis=1)
+    bowed = (rise > BOWED * spacing) & (rise < HAIRPIN * truss.lengths) & (draft.weights[pairs] == 1).all(1)
+    return replace(truss, waypoints=middles[bowed], waypoint_offsets=np.concatenate([[0], np.cumsum(bowed)]))

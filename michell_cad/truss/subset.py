@@ -1,8 +1,8 @@
 """Choosing some of the curves of a truss: the others go, and so do the crossings with them.
 
-Keeping every n-th curve is the density knob of Arora et al. 2019 (Section 6). The reference leaves the crossing nodes in
-place as nodes of two members; here they are dissolved into the curves that run through them and live on as waypoints, so
-that a member runs from one real node to the next.
+Keeping every n-th curve is the density knob of Arora et al. 2019 (Section 6). The reference leaves the crossing nodes
+in place as nodes of two members; here they are dissolved into the curves that run through them and live on as
+waypoints, so that a member runs from one real node to the next.
 """
 
 from dataclasses import replace
@@ -20,8 +20,8 @@ from michell_cad.truss.values import Truss, curve_steps
 def keep_curves(truss: Truss, mask: Bool[np.ndarray, " n_curves"]) -> Truss:
     """Keep the curves in `mask`: drop the others, the members that only they cover, and the nodes no longer needed.
 
-    A node is dissolved when it has two members left, both on the same curves, unless it is a corner or the end of one of
-    these curves. Its position becomes a waypoint of the member that replaces the two. Nodes are kept where a member
+    A node is dissolved when it has two members left, both on the same curves, unless it is a corner or the end of one
+    of these curves. Its position becomes a waypoint of the member that replaces the two. Nodes are kept where a member
     would otherwise join a node with itself, or the same two nodes as another one. Labels do not change.
 
     Parameters
@@ -79,20 +79,22 @@ def _chain_members(truss: Truss, used: np.ndarray, passing: np.ndarray) -> tuple
     chain_ends = np.empty_like(ends)
     chain_ends[through] = vertex
     chain_ends[~through] = len(nodes) + np.arange(np.count_nonzero(~through))
-    return order_chains(len(nodes) + np.count_nonzero(~through), chain_ends), np.concatenate([nodes, ends[~through]])
+    return order_chains(len(nodes) + int(np.count_nonzero(~through)), chain_ends), np.concatenate(
+        [nodes, ends[~through]]
+    )
 
 
 def _nodes_for_simple_members(truss: Truss, used: np.ndarray, made: tuple[Chains, np.ndarray]) -> np.ndarray:
-    """Passing nodes to keep so that merged members join different nodes, and no two the same; empty if none is needed."""
+    """Passing nodes to keep so that merged members join different nodes, and no two the same; empty if none is."""
     chains, node = made
     order = node[chains.order]
     first, last = chains.offsets[:-1], chains.offsets[1:] - 1
     a, b = order[first], order[last]
     loop = chains.closed | (a == b)
-    needed = [order[_inner(chains, c)] for c in np.flatnonzero(loop)]
+    needed = [order[_inner(chains, c)] for c in np.flatnonzero(loop).tolist()]
     pair = np.sort(np.stack([a, b], axis=1), axis=1)[~loop]
     simple = np.flatnonzero(~loop)
-    keys, inverse, counts = np.unique(pair[:, 0] * len(truss.nodes) + pair[:, 1], return_inverse=True, return_counts=True)
+    _, inverse, counts = np.unique(pair[:, 0] * len(truss.nodes) + pair[:, 1], return_inverse=True, return_counts=True)
     # Of several members between two nodes the one with the fewest nodes stays as it is.
     sizes = (last - first)[simple]
     by_size = np.lexsort((sizes, inverse))

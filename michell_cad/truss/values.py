@@ -52,7 +52,7 @@ class Truss:
             object.__setattr__(self, "waypoint_offsets", np.zeros(len(self.members) + 1, np.int64))
         freeze(self, nodes=np.float64, node_kinds=np.int64, members=np.int64)
         freeze(self, waypoints=np.float64, waypoint_offsets=np.int64)
-        _check_offsets(self.waypoint_offsets, len(self.members), len(self.waypoints))
+        _check_offsets(np.asarray(self.waypoint_offsets), len(self.members), len(np.asarray(self.waypoints)))
         M, n_n = self.members, len(self.nodes)
         require(np.isfinite(self.nodes).all(), "the nodes of a truss must be finite")
         require(len(self.node_kinds) == n_n, f"node_kinds must have {n_n} entries, found {len(self.node_kinds)}")
@@ -85,10 +85,23 @@ class Truss:
 
     @cached_property
     def curve_of_member(self) -> Int[np.ndarray, " n_m"]:
-        """The curve that shapes each member: its interior curve if it has one, else boundary, else feature."""
-        rank = {CurveKind.FEATURE: 0, CurveKind.BOUNDARY: 1, CurveKind.INTERIOR: 2}
+        """The curve that names each member: its interior curve if it has one, else boundary, else feature."""
+        return self._first_curve_of_member((CurveKind.INTERIOR, CurveKind.BOUNDARY, CurveKind.FEATURE))
+
+    @cached_property
+    def shape_of_member(self) -> Int[np.ndarray, " n_m"]:
+        """The curve that shapes each member: its feature curve if it has one, else boundary, else interior.
+
+        Where an interior curve was merged with the surface its member has to stay there.
+        """
+        return self._first_curve_of_member((CurveKind.FEATURE, CurveKind.BOUNDARY, CurveKind.INTERIOR))
+
+    def _first_curve_of_member(self, kinds: tuple[CurveKind, ...]) -> np.ndarray:
+        """A curve of each member, of the first of the given kinds that it has, and of these the first curve."""
         owner = np.full(len(self.members), -1)
-        for number in sorted(range(len(self.curves)), key=lambda c: rank[self.curves[c].kind]):
+        for number in sorted(
+            range(len(self.curves)), key=lambda c: (kinds.index(self.curves[c].kind), c), reverse=True
+        ):
             owner[self.curves[number].members] = number
         return owner
 

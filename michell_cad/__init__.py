@@ -1,0 +1,98 @@
+"""Stress-aligned trusses of any 3D part, as editable CAD solids.
+
+The public names, listed one by one; each is imported from its module when it is first used, so that importing the package
+costs nothing and CAD is loaded only by those who need it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
+    from michell_cad.delivery import deliver_job
+    from michell_cad.design_file import load_design, save_design
+    from michell_cad.domain import Part, part_from_cad, read_part
+    from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
+    from michell_cad.job import Job, build_problem, read_job
+    from michell_cad.knobs import Knobs, apply_knobs
+    from michell_cad.picture import render_truss
+    from michell_cad.pipeline import Design, DesignOptions, design
+    from michell_cad.problem import DesignProblem, LoadCase, Material
+    from michell_cad.tet_mesh import TetMesh
+    from michell_cad.truss import SizedTruss, Truss
+
+_HOME = {
+    "ConvergenceError": "errors",
+    "Design": "pipeline",
+    "DesignOptions": "pipeline",
+    "DesignProblem": "problem",
+    "GeometryKernelError": "errors",
+    "InvalidInputError": "errors",
+    "Job": "job",
+    "Knobs": "knobs",
+    "LoadCase": "problem",
+    "Material": "problem",
+    "MichellError": "errors",
+    "Part": "domain",
+    "SizedTruss": "truss",
+    "TetMesh": "tet_mesh",
+    "Truss": "truss",
+    "TrussSolid": "cad",
+    "apply_knobs": "knobs",
+    "build_problem": "job",
+    "build_solid": "cad",
+    "deliver_job": "delivery",
+    "design": "pipeline",
+    "export_step": "cad",
+    "export_stl": "cad",
+    "load_design": "design_file",
+    "part_from_cad": "domain",
+    "read_job": "job",
+    "read_part": "domain",
+    "render_truss": "picture",
+    "save_design": "design_file",
+}
+
+__all__ = [  # noqa: RUF022 (pyright wants the names literally)
+    "ConvergenceError",
+    "Design",
+    "DesignOptions",
+    "DesignProblem",
+    "GeometryKernelError",
+    "InvalidInputError",
+    "Job",
+    "Knobs",
+    "LoadCase",
+    "Material",
+    "MichellError",
+    "Part",
+    "SizedTruss",
+    "TetMesh",
+    "Truss",
+    "TrussSolid",
+    "apply_knobs",
+    "build_problem",
+    "build_solid",
+    "deliver_job",
+    "design",
+    "export_step",
+    "export_stl",
+    "load_design",
+    "part_from_cad",
+    "read_job",
+    "read_part",
+    "render_truss",
+    "save_design",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'michell_cad' has no attribute {name!r}")
+    value = getattr(import_module(f"michell_cad.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

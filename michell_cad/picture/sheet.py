@@ -1,0 +1,75 @@
+"""The sheet of paper: supersampled drawing, smaller copies, text, saving."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from michell_cad.errors import InvalidInputError
+
+SUPERSAMPLING = 2
+"""Canvas pixels per picture pixel and axis; their mean smooths the edges."""
+
+INK = (0.16, 0.18, 0.21)
+"""Colour of text and lines."""
+
+FONT_SIZE = 22
+
+Colour = tuple[float, float, float]
+
+
+def corner_normals(
+    vertices: Float[np.ndarray, "n_v 3"], triangles: Int[np.ndarray, "n_b 3"], faces: Int[np.ndarray, " n_b"]
+) -> Float[np.ndarray, "n_b 3 3"]:
+    """Normals at the corners of triangles, averaged over the triangles of the same face around each vertex."""
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    area_vectors = np.cross(b - a, c - a)
+    key = triangles * (faces.max() + 2) + (faces[:, None] + 1)
+    unique, inverse = np.unique(key, return_inverse=True)
+    summed = np.zeros((len(unique), 3))
+    np.add.at(summed, inverse.reshape(-1), np.repeat(area_vectors, 3, axis=0))
+    summed /= np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), np.finfo(float).tiny)
+    return summed[inverse.reshape(-1)].reshape(-1, 3, 3)
+
+
+def shrink(picture: Float[np.ndarray, "h w 3"]) -> np.ndarray:
+    """Average the supersampled picture and return it in bytes."""
+    h, w = picture.shape[0] // SUPERSAMPLING, picture.shape[1] // SUPERSAMPLING
+    mean = picture.reshape(h, SUPERSAMPLING, w, SUPERSAMPLING, 3).mean((1, 3))
+    return (mean.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def open_sheet(picture: np.ndarray):
+    """A pillow image of a picture, a pen and the font."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    image = Image.fromarray(picture)
+    return image, ImageDraw.Draw(image), ImageFont.load_default(FONT_SIZE)
+
+
+def save_sheet(image, path: Path) -> None:
+    """Write a PNG; it appears under its name only when it is complete."""
+    path = Path(path)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        image.save(part, format="PNG")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise InvalidInputError(f"{path}: the picture cannot be written ({error.strerror or error})") from error
+
+
+def write_legend(pen, font, entries: list[tuple[Colour, str]], left: int, bottom: int) -> None:
+    """Write lines with a coloured dot each, the last one ending at `bottom`."""
+    step = int(FONT_SIZE * 1.5)
+    for row, (colour, text) in enumerate(entries):
+        y = bottom - step * (len(entries) - row) + step // 2
+        dot = FONT_SIZE * 0.36
+        pen.ellipse((left, y - dot, left + 2 * dot, y + dot), fill=to_bytes(colour))
+        pen.text((left + 3 * dot, y), text, fill=to_bytes(INK), font=font, anchor="lm")
+
+
+def to_bytes(colour: Colour) -> tuple[int, int, int]:
+    """A colour of 0 to 1 in bytes."""
+    r, g, b = (int(255 * value + 0.5) for value in colour)
+    return r, g, b

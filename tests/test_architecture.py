@@ -1,0 +1,95 @@
+"""The house stands: imports point one way, the kernel is touched in one file, the package loads at once."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "michell_cad"
+
+NUMERICS = (
+    "arrays",
+    "curves",
+    "elasticity",
+    "errors",
+    "frame_field",
+    "isocurves",
+    "knobs",
+    "linear_solver",
+    "metrics",
+    "minimize",
+    "parametrization",
+    "pipeline",
+    "problem",
+    "report",
+    "rotations",
+    "splines",
+    "tet_mesh",
+    "truss",
+)
+OUTSIDE = ("cad", "cli", "cli_inspect", "delivery", "domain", "job", "picture", "selection")
+
+
+def modules() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def imports(file: Path) -> set[str]:
+    """All absolute module names that a file imports anywhere, also inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}: relative import"
+            found.add(node.module or "")
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def stage_of(file: Path) -> str:
+    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def test_numerics_import_neither_cad_nor_files():
+    for file in modules():
+        if stage_of(file) in NUMERICS:
+            used = {name.split(".")[1] for name in imports(file) if name.startswith("michell_cad.")}
+            assert not used & set(OUTSIDE), f"{file.name} imports {used & set(OUTSIDE)}"
+
+
+def test_only_the_kernel_file_touches_the_kernel():
+    for file in modules():
+        if any(name.split(".")[0] == "OCP" for name in imports(file)):
+            assert file.relative_to(PACKAGE).as_posix() == "cad/kernel.py"
+
+
+def test_nothing_imports_plugins():
+    for file in modules():
+        assert not any(name.split(".")[0] == "plugin" for name in imports(file))
+
+
+def test_every_module_is_filed():
+    known = {*NUMERICS, *OUTSIDE, "__init__", "design_file", "files", "truss_json", "materials"}
+    assert {stage_of(file) for file in modules()} <= known
+
+
+def test_every_public_name_exists_and_is_listed_once():
+    import michell_cad
+
+    assert sorted(set(michell_cad.__all__)) == sorted(michell_cad.__all__)
+    assert set(michell_cad.__all__) == set(michell_cad._HOME)
+    for name in michell_cad.__all__:
+        assert getattr(michell_cad, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute"):
+        _ = michell_cad.nothing
+
+
+@pytest.mark.parametrize("statement", ["import michell_cad", "import michell_cad.cli"])
+def test_cad_and_solvers_load_when_first_used(statement):
+    heavy = "{'cadquery', 'build123d', 'OCP', 'scipy', 'pypardiso', 'vtkmodules', 'pytetwild', 'numpy'}"
+    code = f"{statement}\nimport sys\nprint(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
