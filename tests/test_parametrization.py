@@ -14,6 +14,7 @@ from michell_cad.parametrization import (
 from michell_cad.parametrization.equation_11 import integrate_frames
 from michell_cad.parametrization.fold_barrier import _BarrierEnergy, remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative, cofactors, determinants, product, transposed
+from michell_cad.parametrization.phase import choose_phases
 from michell_cad.parametrization.stress_following import _FollowingEnergy
 from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
@@ -149,6 +150,17 @@ def test_levels_have_the_stated_scale():
     np.testing.assert_allclose(np.ptp(levels, axis=0), [4, 2, 2])
     with pytest.raises(ValueError, match="either"):
         parametrization.levels(resolution=3, spacing=2)
+
+
+def test_integers_keep_clear_of_faces_they_would_graze():
+    """A straight grid in a box whose faces lie at 0.2 and 0.8 of a cell: the integers go half-way between."""
+    mesh = box_mesh((5, 4, 4), (7.6, 4.6, 4.6))
+    phases = choose_phases(mesh, mesh.vertices + [0.2, 0.2, 0.2])
+    np.testing.assert_allclose(phases, 0.5, atol=0.05)  # both faces are then 0.3 of a cell from an integer
+    for shift in (0.0, 0.3, 0.77):
+        whole = box_mesh((3, 2, 2), (3.0, 2.0, 2.0))
+        phases = choose_phases(whole, whole.vertices + shift)
+        np.testing.assert_allclose((phases + shift) % 1, 0.5, atol=0.02)
 
 
 def test_tangents_and_cell_edges_by_hand():

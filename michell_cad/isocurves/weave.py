@@ -51,9 +51,9 @@ def weave_curves(
 ) -> WovenCurves:
     """Join nodes by members along every chain, in an order and direction that do not depend on the mesh's numbering.
 
-    Curves are sorted by their labels, then by their nodes, then by their place. An open curve runs towards growing level of its axis (a
-    feature curve, of axis -1, from its lower to its higher end node), a closed one from its lowest node to the lower of
-    the two neighbours.
+    Curves are sorted by their labels, then their nodes, then their place. An open curve runs towards growing level
+    of its axis (a feature curve, of axis -1, from its lower to its higher end node), a closed one from its lowest node
+    to the lower of the two neighbours.
 
     Parameters
     ----------

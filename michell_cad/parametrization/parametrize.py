@@ -13,6 +13,7 @@ from michell_cad.frame_field import FrameField, axes_of_inertia, constant_frames
 from michell_cad.parametrization.equation_11 import integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative
+from michell_cad.parametrization.phase import choose_phases
 from michell_cad.parametrization.stress_following import follow_stress
 from michell_cad.tet_mesh import TetMesh
 
@@ -86,14 +87,16 @@ class Parametrization:
         """Scale and shift the coordinates into cells; returns them with the median edge of a cell, mm.
 
         One scale for all three coordinates. With `resolution` (the paper's rho) the coordinate with the longest range
-        spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift puts the lower end of
-        each coordinate half a cell below the first isovalue, so that no isosurface starts on the boundary by accident.
+        spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift of each coordinate is
+        that of `choose_phases`, plus the integer that makes its lowest value lie between 0 and 1.
         """
         require((resolution is None) != (spacing is None), "give either a resolution or a spacing")
         low, high = self.phi.min(0), self.phi.max(0)
         unit_edge = float(np.median(self.cell_edges))
         scale = unit_edge / spacing if resolution is None else resolution / float((high - low).max())
-        return (self.phi - low) * scale + 0.5, unit_edge / scale
+        levels = (self.phi - low) * scale
+        levels = levels + choose_phases(self.mesh, levels)
+        return levels - np.floor(levels.min(0)), unit_edge / scale
 
 
 def parametrize(

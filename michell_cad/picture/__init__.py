@@ -4,6 +4,7 @@ Our own z-buffer in NumPy (`canvas.py`), because off-screen rendering by OpenGL 
 Pictures are the same from run to run.
 """
 
+from michell_cad.picture.part_picture import Arrow, face_colours, render_part
 from michell_cad.picture.truss_picture import FAMILY_COLOURS, render_truss
 
-__all__ = ["FAMILY_COLOURS", "render_truss"]
+__all__ = ["FAMILY_COLOURS", "Arrow", "face_colours", "render_part", "render_truss"]

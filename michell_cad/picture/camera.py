@@ -1,4 +1,4 @@
-"""A camera without perspective, placed so that any part is seen from a little above, its long side across the picture."""
+"""A camera without perspective that sees any part from a little above, its long side across the picture."""
 
 from dataclasses import dataclass
 

@@ -1,8 +1,8 @@
 """A z-buffer in NumPy: tubes, balls and triangles, drawn pixel by pixel without any graphics library.
 
-Source: textbook rasterisation (Foley et al., Computer Graphics, 1990: scan conversion and z-buffer), vectorised over all
-pixels of many shapes at once. Tubes and balls are exact under a camera without perspective: a pixel's depth and normal come
-from the cylinder or ball itself, not from triangles.
+Source: textbook rasterisation (Foley et al., Computer Graphics, 1990: scan conversion and z-buffer), vectorised over
+all pixels of many shapes at once. Tubes and balls are exact under a camera without perspective: a pixel's depth and
+normal come from the cylinder or ball itself, not from triangles.
 
 All coordinates here are pixels, x right, y down, depth towards the viewer; normals are (right, up, towards the viewer).
 """
@@ -64,7 +64,7 @@ class Canvas:
         keep = length > 1e-3
         start, d, length, tags = start[keep], d[keep], length[keep], tags[keep]
         r0, r1 = start_radius[keep], end_radius[keep]
-        # Scan along the axis in which the tube is longer on the screen: columns of the flat ones, rows of the steep ones.
+        # Scan along the axis in which the tube is longer on the screen: by columns the flat ones, by rows the steep.
         steep = np.abs(d[:, 1]) > np.abs(d[:, 0])
         for rows in (False, True):
             chosen = np.flatnonzero(steep == rows)

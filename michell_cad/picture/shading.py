@@ -1,7 +1,7 @@
 """From the buffers of a canvas to colours: light, depth cues, glass, lines.
 
-Sources: diffuse and specular light after Phong; darkening of what lies behind its surroundings by an unsharp mask of the
-depth buffer (Luft, Colditz and Deussen 2006, doi:10.1145/1141911.1142016), which tells near members from far ones.
+Sources: diffuse and specular light after Phong; darkening of what lies behind its surroundings by an unsharp mask of
+the depth buffer (Luft, Colditz and Deussen 2006, doi:10.1145/1141911.1142016), which tells near members from far ones.
 """
 
 import numpy as np
@@ -20,14 +20,18 @@ FOG = 0.38
 """How much of the colour of the farthest point goes over to white."""
 
 UNSHARP_WIDTH, UNSHARP_STRENGTH, UNSHARP_LIMIT = 12.0, 5.0, 0.42
-"""Width of the depth blur (pixels of the canvas), darkening for a depth difference of the part's size, and its limit."""
+"""Width of the depth blur (canvas pixels), darkening for a depth difference of the part's size, and its limit."""
 
 GLASS_FACE, GLASS_RIM = 0.10, 0.34
 """Opacity of glass seen straight on, and what comes on top at grazing angles."""
 
 
 def shade_solid(
-    canvas: Canvas, palette: Float[np.ndarray, "k 3"], fog: float = FOG, unsharp: float = UNSHARP_STRENGTH
+    canvas: Canvas,
+    palette: Float[np.ndarray, "k 3"],
+    fog: float = FOG,
+    unsharp: float = UNSHARP_STRENGTH,
+    ambient: float = AMBIENT,
 ) -> tuple[Float[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
     """Colours of the opaque things of a canvas (`palette` row of each tag, 0 to 1), and where there are any."""
     covered = canvas.tag >= 0
@@ -41,7 +45,7 @@ def shade_solid(
         half = LIGHT + np.array([0.0, 0.0, 1.0])
         gleam = np.maximum(normal @ (half / np.linalg.norm(half)).astype(np.float32), 0) ** GLOSS
         shadow = _behind_surroundings(canvas, covered)[at] * (unsharp / reach)
-        strength = (AMBIENT + DIFFUSE * light) * (1 - shadow.clip(0, UNSHARP_LIMIT))
+        strength = (ambient + DIFFUSE * light) * (1 - shadow.clip(0, UNSHARP_LIMIT))
         colour = palette.astype(np.float32)[canvas.tag[at]] * strength[:, None] + SPECULAR * gleam[:, None]
         mist = (fog * (depth.max() - depth) / reach)[:, None]
         rgb[at] = colour.clip(0, 1) * (1 - mist) + mist
@@ -67,12 +71,12 @@ def outline_pixels(canvas: Canvas, jump: float) -> Bool[np.ndarray, "h w"]:
     """Pixels on the rim of what is drawn, and where its depth jumps by more than `jump` (pixels)."""
     covered = canvas.image(canvas.tag >= 0)
     depth = np.where(covered, canvas.image(canvas.depth), 0)
-    rim = covered & ~ndimage.binary_erosion(covered, iterations=2)
+    inner = np.asarray(ndimage.binary_erosion(covered, iterations=2), bool)
+    rim = covered & ~inner
     # The second difference is small on any plane, however steep.
     bend = np.zeros_like(depth)
     bend[:, 1:-1] = np.abs(depth[:, 2:] - 2 * depth[:, 1:-1] + depth[:, :-2])
     bend[1:-1] = np.maximum(bend[1:-1], np.abs(depth[2:] - 2 * depth[1:-1] + depth[:-2]))
-    inner = ndimage.binary_erosion(covered, iterations=2)
     return rim | (inner & (bend > jump))
 
 

@@ -1,5 +1,6 @@
 """The sheet of paper: supersampled drawing, smaller copies, text, saving."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,8 @@ SUPERSAMPLING = 2
 INK = (0.16, 0.18, 0.21)
 """Colour of text and lines."""
 
-FONT_SIZE = 22
+FONT_SIZE, LINE, DOT = 22, 33, 8
+"""Sizes of the text, of its lines and of the legend's dots, pixels."""
 
 Colour = tuple[float, float, float]
 
@@ -59,14 +61,29 @@ def save_sheet(image, path: Path) -> None:
         raise InvalidInputError(f"{path}: the picture cannot be written ({error.strerror or error})") from error
 
 
-def write_legend(pen, font, entries: list[tuple[Colour, str]], left: int, bottom: int) -> None:
-    """Write lines with a coloured dot each, the last one ending at `bottom`."""
-    step = int(FONT_SIZE * 1.5)
-    for row, (colour, text) in enumerate(entries):
-        y = bottom - step * (len(entries) - row) + step // 2
-        dot = FONT_SIZE * 0.36
-        pen.ellipse((left, y - dot, left + 2 * dot, y + dot), fill=to_bytes(colour))
-        pen.text((left + 3 * dot, y), text, fill=to_bytes(INK), font=font, anchor="lm")
+def draw_legend_dots(
+    picture: Float[np.ndarray, "h w 3"], entries: Sequence[tuple[Colour, str]], left: int, bottom: int
+) -> Float[np.ndarray, "h w 3"]:
+    """Draw the coloured dots of a legend on the supersampled picture, which smooths them."""
+    picture = picture.copy()
+    rows, columns = np.ogrid[: picture.shape[0], : picture.shape[1]]
+    for row, (colour, _) in enumerate(entries):
+        x, y = SUPERSAMPLING * (left + DOT), SUPERSAMPLING * _legend_row(row, len(entries), bottom)
+        top, end = int(y - 40), int(y + 40)
+        disc = np.hypot(columns - x, rows[top:end] - y) < SUPERSAMPLING * DOT
+        picture[top:end][disc] = colour
+    return picture
+
+
+def write_legend(pen, font, entries: Sequence[tuple[Colour, str]], left: int, bottom: int) -> None:
+    """Write the lines of a legend beside their dots, the last one ending at `bottom`."""
+    for row, (_, text) in enumerate(entries):
+        y = _legend_row(row, len(entries), bottom)
+        pen.text((left + 3 * DOT, y), text, fill=to_bytes(INK), font=font, anchor="lm")
+
+
+def _legend_row(row: int, rows: int, bottom: int) -> int:
+    return bottom - LINE * (rows - row) + LINE // 2
 
 
 def to_bytes(colour: Colour) -> tuple[int, int, int]:

@@ -15,6 +15,7 @@ from michell_cad.picture.sheet import (
     SUPERSAMPLING,
     Colour,
     corner_normals,
+    draw_legend_dots,
     open_sheet,
     save_sheet,
     shrink,
@@ -30,8 +31,8 @@ FAMILY_COLOURS: dict[str, Colour] = {
     "third": (0.90, 0.70, 0.22),
     "feature": (0.55, 0.57, 0.60),
 }
-"""Red, blue and yellow stay apart for all common kinds of colour blindness and in grey, as P. Tol's high-contrast scheme,
-whose hues they have (https://sronpersonalpages.nl/~pault/)."""
+"""Red, blue and yellow stay apart for all common kinds of colour blindness and in grey, as P. Tol's high-contrast
+scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
 
 GHOST: Colour = (0.45, 0.55, 0.66)
 """Colour of the ghost of the part."""
@@ -94,7 +95,6 @@ def render_truss(
     picture = blend(rgb, np.array(GHOST), 0.7 * behind)
     picture = blend(picture, np.array(GHOST), glass_opacity(front))
     picture = _draw_lines(picture, lines, bars, front)
-    image, pen, font = open_sheet(shrink(picture))
     curves = sized.truss.curves
     entries = [
         (FAMILY_COLOURS[name], f"{name}: {count} curves" if name != "feature" else f"sharp edges: {count} curves")
@@ -102,6 +102,8 @@ def render_truss(
         if (count := sum(curve.family == name for curve in curves))
     ]
     entries += [((1.0, 1.0, 1.0), note) for note in notes]
+    picture = draw_legend_dots(picture, entries, 28, size[1] - 20)
+    image, pen, font = open_sheet(shrink(picture))
     write_legend(pen, font, entries, 28, size[1] - 20)
     save_sheet(image, path)
 
@@ -122,7 +124,8 @@ def _draw_members(canvas: Canvas, camera: Camera, sized: SizedTruss, splines: Me
     start_radii = [radii[~curved, 0], radii[curved, :-1].ravel()]
     end_radii = [radii[~curved, -1], radii[curved, 1:].ravel()]
     piece_tags = np.concatenate([tags[~curved], np.repeat(tags[curved], PIECES)])
-    canvas.draw_tubes(*(np.concatenate(pair) for pair in (starts, ends, start_radii, end_radii)), piece_tags)
+    start, end, start_radius, end_radius = (np.concatenate(pair) for pair in (starts, ends, start_radii, end_radii))
+    canvas.draw_tubes(start, end, start_radius, end_radius, piece_tags)
     thickest, family = np.zeros(len(truss.nodes)), np.zeros(len(truss.nodes), int)
     for column, end in ((0, 0), (1, 2)):
         order = np.argsort(sized.radii[:, end], kind="stable")
@@ -130,9 +133,7 @@ def _draw_members(canvas: Canvas, camera: Camera, sized: SizedTruss, splines: Me
         larger = radius >= thickest[node]
         thickest[node[larger]], family[node[larger]] = radius[larger], tags[order[larger]]
     used = thickest > 0
-    canvas.draw_balls(
-        camera.project(truss.nodes[used]), NODE_RATIO * camera.scale * thickest[used], family[used]
-    )
+    canvas.draw_balls(camera.project(truss.nodes[used]), NODE_RATIO * camera.scale * thickest[used], family[used])
 
 
 def _draw_ghost(mesh: TetMesh, camera: Camera, width: int, height: int) -> tuple[Canvas, Canvas, Canvas]:

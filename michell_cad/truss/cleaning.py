@@ -106,8 +106,8 @@ def clean_network(
     Returns
     -------
     Truss
-        Curves keep their labels and their order; curves whose nodes all merged are gone. A closed curve that shrank to
-        one member is open.
+        Curves keep their labels and their order; curves whose nodes all merged are gone, and closed curves that shrank
+        to one member (a closed feature is then open).
     CleaningReport
 
     Raises

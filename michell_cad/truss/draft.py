@@ -85,8 +85,8 @@ class Draft:
     def renamed(self, names: Int[np.ndarray, " n"]) -> "Draft":
         """The same curves through the nodes ``names[node]``, without steps from a node to itself, spurs and points.
 
-        A curve that goes to a node and straight back stops short of it; what shrinks to one node vanishes; a closed
-        curve that shrinks to one member, there and back, becomes an open one.
+        A curve that goes to a node and straight back stops short of it. What shrinks to one node vanishes, and so does
+        a closed curve that shrinks to one member, there and back, except that a feature becomes an open one.
         """
         moved = replace(self, sequence=names[self.sequence])
         return moved.kept(moved.following != moved.sequence).without_spurs()
@@ -108,7 +108,9 @@ class Draft:
             return self
         mask, closed = np.ones(len(s), bool), self.closed.copy()
         for number in np.flatnonzero(suspect):
-            entries, closed[number] = self._unfold(list(range(bounds[number], bounds[number + 1])), closed[number])
+            entries, closed[number] = self._unfold(
+                list(range(*bounds[number : number + 2].tolist())), bool(closed[number])
+            )
             mask[bounds[number] : bounds[number + 1]] = False
             mask[entries] = True
         return replace(self, closed=closed).kept(mask)
@@ -116,8 +118,9 @@ class Draft:
     def _unfold(self, entries: list[int], closed: bool) -> tuple[list[int], bool]:
         """Entries of a curve that remain without its spurs, and whether it is still closed."""
         if closed and len(entries) == 2:
-            flat = self._is_spur(*entries)
-            return entries, not flat
+            if not self._is_spur(*entries):
+                return entries, True
+            return entries if self.ranks[self.curve[entries[0]]] == NodeKind.FEATURE else [], False
         stack: list[int] = []
         for entry in entries:
             if len(stack) > 1 and self.sequence[stack[-2]] == self.sequence[entry] and self._is_spur(*stack[-2:]):

@@ -88,7 +88,6 @@ def test_rings_of_a_tube_are_closed() -> None:
     levels = np.stack([4 * r + 0.5, 4 * mesh.vertices[:, 2] + 0.5, 1.3 * mesh.vertices[:, 1] + 0.11], axis=1)
     network = trace_isocurves(mesh, levels)
     check_network(network)
-    check_on_isosurfaces(mesh, levels, network)
     rings = [c for c in network.curves if c.kind is CurveKind.INTERIOR and c.axis == 2]
     assert {c.isovalues[:2] for c in rings} == set(product(range(5, 9), range(1, 9)))
     assert len(rings) == 4 * 8
