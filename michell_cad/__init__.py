@@ -1,7 +1,7 @@
 """Stress-aligned trusses of any 3D part, as editable CAD solids.
 
-The public names, listed one by one; each is imported from its module when it is first used, so that importing the package
-costs nothing and CAD is loaded only by those who need it.
+The public names, listed one by one; each is imported from its module when it is first used, so that importing the
+package costs nothing and CAD is loaded only by those who need it.
 """
 
 from importlib import import_module
@@ -53,7 +53,7 @@ _HOME = {
     "save_design": "design_file",
 }
 
-__all__ = [  # noqa: RUF022 (pyright wants the names literally)
+__all__ = [
     "ConvergenceError",
     "Design",
     "DesignOptions",

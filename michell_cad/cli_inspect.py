@@ -5,7 +5,7 @@ have their mesh already. What would be meshed is a forecast.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from rich.table import Table
 
 from michell_cad.arrays import require
 from michell_cad.domain import Outline, forecast_tets, read_outline
+from michell_cad.domain.refine import refine_surface
 from michell_cad.domain.tet_meshing import check_mesh_size
 from michell_cad.errors import InvalidInputError
 from michell_cad.job import Job, Load, choose_material, job_schema, read_job
@@ -34,7 +35,10 @@ MOST_ROWS = 200
 
 
 def show_faces(part: Path, units: str | None, out: Path | None, console: Console) -> Path:
-    """Number the faces of a part in a table with selectors and in a picture (default: PART_faces.png), whose path returns."""
+    """Number the faces of a part in a table with selectors and in a picture.
+
+    The picture is `out`, or PART_faces.png in the folder where the program runs; its path returns.
+    """
     outline = read_outline(part, units)
     unit = outline.unit_mm
     size = np.ptp(outline.surface.vertices, axis=0) / unit
@@ -126,6 +130,9 @@ def check_job(job: Path, out: Path | None, console: Console) -> Path:
         markup=False,
     )
     size = _show_mesh(outline, content, console)
+    if outline.mesh is None:
+        # Regions choose whole triangles; those of a flat face are as large as the face.
+        outline = replace(outline, surface=refine_surface(outline.surface, size))
     tags = np.zeros(len(outline.surface.triangles), int)
     held = _show_supports(outline, content, size, console)
     loaded, arrows = _show_loads(outline, content, material.density, console)

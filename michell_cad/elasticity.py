@@ -8,9 +8,9 @@ Departures:
 1. Loubignac's iteration u <- u + K^-1 (f - A u), A the stiffness that acts through the averaged stress, is a Richardson
    iteration for A u = f preconditioned by K. A is symmetric (averaging commutes with a uniform material), so the same
    system is solved by conjugate gradients on the same factor of K, which needs a tenth of the steps.
-2. The stop is relative (the reference's is absolute, so its result depends on the unit of length). A need not be regular:
-   averaging hides modes that change sign from tet to tet. The stop is what keeps them out, so a cap on the steps is part
-   of the method and no failure.
+2. The stop is relative (the reference's is absolute, so its result depends on the unit of length). A need not be
+   regular: averaging hides modes that change sign from tet to tet. The stop is what keeps them out, so a cap on the
+   steps is part of the method and no failure.
 3. Nodal averages are weighted by volume; unweighted ones turn the directions by 6-10 degrees on coarse meshes.
 """
 
@@ -120,7 +120,8 @@ def solve_elasticity(
 def stiffness_matrix(mesh: TetMesh, material: Material) -> sp.csr_matrix:
     """The P1 stiffness matrix K, (3 n_v, 3 n_v), N/mm; component 3 v + d belongs to axis d of vertex v.
 
-    K_ab = volume (lambda g_a g_b' + mu g_b g_a' + mu (g_a . g_b) I) with the gradients g of the barycentric coordinates.
+    K_ab = volume (lambda g_a g_b' + mu g_b g_a' + mu (g_a . g_b) I) with the gradients g of the barycentric
+    coordinates.
     """
     lmbda, mu = lame_parameters(material)
     g = mesh.hat_gradients
@@ -129,7 +130,7 @@ def stiffness_matrix(mesh: TetMesh, material: Material) -> sp.csr_matrix:
     dots = np.einsum("tabii->tab", outer)
     for i in range(3):
         local[..., i, i] += mu * dots
-    return mesh.assemble_blocks(local).tocsr()
+    return sp.csr_matrix(mesh.assemble_blocks(local))
 
 
 def cauchy_stress(
@@ -157,7 +158,7 @@ def lame_parameters(material: Material) -> tuple[float, float]:
 
 
 def _averaging_operator(mesh: TetMesh) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """To the vertices, weighted by volume, and back to the centroids (the mean of four): sigma_s = back @ (to @ sigma)."""
+    """To the vertices, weighted by volume, and back to the centroids: sigma_s = back @ (to @ sigma)."""
     n_t, n_v = len(mesh.tets), len(mesh.vertices)
     back = sp.csr_matrix((np.full(4 * n_t, 0.25), mesh.tets.ravel(), np.arange(0, 4 * n_t + 1, 4)), shape=(n_t, n_v))
     to = sp.diags(1 / mesh.vertex_volumes) @ back.T @ sp.diags(mesh.volumes)

@@ -1,17 +1,17 @@
 """A smooth field of orthonormal frames that follows the principal stresses.
 
-Arora et al. 2019, Section 4.2 (doi:10.1145/3328939.3328999), Eqs. 1-7: per-vertex rotation vectors, the matrix exponential
-of their mean in each tet, the truncated matching energy of Eq. 4, and the smoothness energy of Eq. 5 with a weight that
-is lowered step by step.
+Arora et al. 2019, Section 4.2 (doi:10.1145/3328939.3328999), Eqs. 1-7: per-vertex rotation vectors, the matrix
+exponential of their mean in each tet, the truncated matching energy of Eq. 4, and the smoothness energy of Eq. 5 with a
+weight that is lowered step by step.
 
 Departures:
 
-1. All terms are integrals over the part, made dimensionless by its volume and size, so that neither the mesh nor the unit
-   of length matters. (With the reference's weight, proportional to the number of tets, a finer mesh leaves the frames
-   near the identity.)
+1. All terms are integrals over the part, made dimensionless by its volume and size, so that neither the mesh nor the
+   unit of length matters. (With the reference's weight, proportional to the number of tets, a finer mesh leaves the
+   frames near the identity.)
 2. The rotation vectors are relative to a constant frame R0, R = R0 exp [w]_x, instead of the world's axes: Eq. 5 draws
-   the frames towards w = 0, and turning the part would otherwise change the answer. R0 is a locally best constant frame;
-   several are tried, the lowest data energy is kept.
+   the frames towards w = 0, and turning the part would otherwise change the answer. R0 is a locally best constant
+   frame; several are tried, the lowest data energy is kept.
 3. Continuation takes a few large steps instead of thirty small ones, each by L-BFGS with Jacobi scaling, which is what
    sliver meshes need.
 """
@@ -50,8 +50,8 @@ class FrameFieldOptions:
     ----------
     starts : number of constant frames to start from.
     smoothness : weights of the smoothness energy, one round of L-BFGS each (relative to a data energy of order one).
-        The last one is a compromise: at 1e-4 the frames follow the stress more closely still, but have so much more curl
-        that the curves integrated from them follow it less.
+        The last one is a compromise: at 1e-4 the frames follow the stress more closely still, but have so much more
+        curl that the curves integrated from them follow it less.
     iterations : largest number of L-BFGS iterations in each round.
     tolerance : relative decrease of the energy at which a round has converged.
     """

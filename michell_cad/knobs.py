@@ -32,7 +32,8 @@ class Knobs(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     family: Literal["all"] | FamilyName | tuple[FamilyName, ...] = Field(
-        default="all", description="Families of curves to build; boundary curves go with their family, sharp edges stay."
+        default="all",
+        description="Families of curves to build; boundary curves go with their family, sharp edges stay.",
     )
     radius: float | None = Field(
         default=None,
@@ -113,7 +114,7 @@ def apply_knobs(truss: Truss, knobs: Knobs) -> SizedTruss:
     left = sum(curve.kind is not CurveKind.FEATURE for curve, keep in zip(truss.curves, mask, strict=True) if keep)
     require(
         left,
-        f"no curve is left for family = {knobs.family!r}, every = {knobs.every}, offset = {knobs.offset}; the truss has "
+        f"no curve is left for family = {knobs.family!r}, every = {knobs.every}, offset = {knobs.offset}; there are "
         + ", ".join(f"{sum(c.family == name for c in truss.curves)} {name}" for name in FAMILY_ORDER)
         + " curves: choose another family or a smaller stride",
     )

@@ -1,6 +1,7 @@
 """Sparse symmetric positive definite systems: one factorisation, many solves.
 
-MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewhere; nobody else in the package knows which.
+MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewhere; nobody else in the package knows
+which.
 """
 
 import copy
@@ -45,7 +46,7 @@ class _PardisoFactor:
         self._upper.sort_indices()
         self._solver.set_phase(_ANALYSE_AND_FACTORISE)
         try:
-            self._solver._call_pardiso(self._upper, np.zeros((A.shape[0], 1)))
+            self._solver._call_pardiso(self._upper, np.zeros((self._upper.get_shape()[0], 1)))
         except PyPardisoError as error:
             raise ConvergenceError(_not_definite(str(error))) from error
 
@@ -67,6 +68,7 @@ class _PardisoFactor:
 
 @cache
 def _pardiso_template() -> Any:
+    assert PyPardisoSolver is not None  # factorise asks before
     return PyPardisoSolver(mtype=_POSITIVE_DEFINITE)
 
 
@@ -75,7 +77,7 @@ class _SuperLUFactor:
         try:
             # A symmetric mode ordering, without pivoting: the matrix is positive definite.
             self._lu = spla.splu(
-                A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+                sp.csc_matrix(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
             )
         except RuntimeError as error:
             raise ConvergenceError(_not_definite(str(error))) from error
@@ -113,6 +115,6 @@ def measure_factorisation(A: sp.spmatrix, b: np.ndarray) -> tuple[Factor, np.nda
 
 def _not_definite(detail: str) -> str:
     return (
-        "the system is not positive definite to working precision; the mesh may hold slivers or parts that hang together "
-        f"at a point only. Mend the mesh or choose another mesh size ({detail})"
+        "the system is not positive definite to working precision; the mesh may hold slivers or parts that hang "
+        f"together at a point only. Mend the mesh or choose another mesh size ({detail})"
     )

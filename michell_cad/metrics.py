@@ -1,8 +1,8 @@
 """How well frames, curves and trusses follow the stress: every figure of the report that is not a count.
 
-The paper's Table 2 (Arora et al. 2019, Section 5.1 and 5.2), and beside each of its figures an honest one: its misalignment
-measures noise where two principal stresses coincide, its mean angle is 90 degrees always. All means over the part are
-weighted by volume times |dev sigma|, so that tets without a direction have no say.
+The paper's Table 2 (Arora et al. 2019, Section 5.1 and 5.2), and beside each of its figures an honest one: its
+misalignment measures noise where two principal stresses coincide, its mean angle is 90 degrees always. All means over
+the part are weighted by volume times |dev sigma|, so that tets without a direction have no say.
 """
 
 from dataclasses import dataclass

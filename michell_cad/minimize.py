@@ -16,8 +16,8 @@ SMALLEST_STEP = 1e-12
 """A line search that has shrunk its step to this gives up (relative to the step of the quasi-Newton model)."""
 
 SCALED_ITERATIONS = 5
-"""The first iterations find the scale of the preconditioner (Nocedal and Wright, Eq. 7.20); going on would cost one more
-application of it, often the dearest part, in every iteration."""
+"""The first iterations find the scale of the preconditioner (Nocedal and Wright, Eq. 7.20); going on would cost one
+more application of it, often the dearest part, in every iteration."""
 PATIENCE = 3
 """Iterations without decrease after which a minimisation has converged."""
 

@@ -52,7 +52,9 @@ class DesignOptions:
         )
         for name in ("resolution", "spacing"):
             value = getattr(self, name)
-            require(value is None or (np.isfinite(value) and value > 0), f"options.{name} must be positive, found {value}")
+            require(
+                value is None or (np.isfinite(value) and value > 0), f"options.{name} must be positive, found {value}"
+            )
         if self.spacing is None and self.resolution is None:
             object.__setattr__(self, "resolution", DEFAULT_RESOLUTION)
 
@@ -148,7 +150,7 @@ def require_fine_enough(mesh: TetMesh, cell: float) -> None:
         ratio <= MOST_CELLS_PER_EDGE,
         f"the truss cells (about {cell:.3g} mm) are too fine for the mesh: {ratio:.1f} of them on a tet edge of "
         f"{mesh.median_edge:.3g} mm, at most {MOST_CELLS_PER_EDGE:g} make sense. Set mesh.size = {cell:.3g} or finer, "
-        f"or lower options.resolution by a factor of {ratio / MOST_CELLS_PER_EDGE:.1f} (raise options.spacing likewise)",
+        f"or lower options.resolution by a factor of {ratio / MOST_CELLS_PER_EDGE:.1f} (or raise options.spacing)",
     )
 
 

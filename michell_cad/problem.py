@@ -152,7 +152,7 @@ def free_rigid_motions(mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"]) -> list[
     return list(dict.fromkeys(motions))
 
 
-# --- loads on regions of the boundary, as consistent nodal forces ------------------------------------------------------
+# --- loads on regions of the boundary, as consistent nodal forces --------------------------------------------
 
 
 def surface_force(

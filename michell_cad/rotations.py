@@ -15,7 +15,7 @@ def rotation_matrix(w: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]
     R[..., 0, 0] = 1 - b * (y * y + z * z)
     R[..., 1, 1] = 1 - b * (x * x + z * z)
     R[..., 2, 2] = 1 - b * (x * x + y * y)
-    for i, j, k, component in ((1, 0, 2, z), (0, 2, 1, y), (2, 1, 0, x)):
+    for i, j, component in ((1, 0, z), (0, 2, y), (2, 1, x)):
         symmetric = b * w[..., i] * w[..., j]
         R[..., i, j] = symmetric + a * component
         R[..., j, i] = symmetric - a * component

@@ -4,12 +4,13 @@ Piecewise-linear (P1) elements on tets as in any finite-element text; the sharp-
 reference implementation of Arora et al. 2019 (dihedral angle of the surface above arccos 0.9).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, frozen, require
@@ -44,7 +45,7 @@ class TetMesh:
 
     vertices: Float[np.ndarray, "n_v 3"]
     tets: Int[np.ndarray, "n_t 4"]
-    cad_faces: Int[np.ndarray, " n_b"] | None = None
+    cad_faces: Int[np.ndarray, " n_b"] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def __post_init__(self) -> None:
         freeze(self, vertices=np.float64, tets=np.int64)
@@ -61,14 +62,17 @@ class TetMesh:
         require(not unused.any(), f"every vertex must belong to a tet; {unused.sum()} do not, first {_first(unused)}")
         six_volumes = _six_volumes(V, T)
         flat = six_volumes == 0
-        require(not flat.any(), f"tets must have volume; {flat.sum()} are flat, first tet {_first(flat)}: {T[flat][:1]}")
+        require(
+            not flat.any(), f"tets must have volume; {flat.sum()} are flat, first tet {_first(flat)}: {T[flat][:1]}"
+        )
         if (six_volumes < 0).any():
             T = T.copy()
             negative = six_volumes < 0
             T[negative, 2], T[negative, 3] = self.tets[negative, 3], self.tets[negative, 2]
             object.__setattr__(self, "tets", frozen(T))
-        cad_faces = -np.ones(len(self.boundary_triangles), np.int64) if self.cad_faces is None else self.cad_faces
-        object.__setattr__(self, "cad_faces", frozen(cad_faces, np.int64))
+        if not len(self.cad_faces):
+            object.__setattr__(self, "cad_faces", -np.ones(len(self.boundary_triangles), np.int64))
+        freeze(self, cad_faces=np.int64)
         require(
             len(self.cad_faces) == len(self.boundary_triangles),
             f"cad_faces must give one number for each of the {len(self.boundary_triangles)} boundary triangles, "
@@ -212,7 +216,7 @@ class TetMesh:
         )
         pattern.sort_indices()
         position = np.empty_like(numbering)
-        position[pattern.data - 1] = numbering
+        position[np.asarray(pattern.data, np.int64) - 1] = numbering
         entry = np.empty((len(self.tets), 4, 4), np.int64)
         entry[:, range(4), range(4)] = position[self.tets]
         ascending = self.tets[:, _LOCAL_EDGES[:, 0]] < self.tets[:, _LOCAL_EDGES[:, 1]]
@@ -229,7 +233,7 @@ class TetMesh:
         return sp.csr_matrix((data, indices.copy(), indptr.copy()), shape=(len(self.vertices),) * 2)
 
     def assemble_blocks(self, local: Float[np.ndarray, "n_t 4 4 3 3"]) -> sp.bsr_matrix:
-        """Sum element matrices of vector functions, block (a, b) of tet t being ``local[t, a, b]``, to (3 n_v, 3 n_v)."""
+        """Sum element matrices of vector functions, block (a, b) of tet t in ``local[t, a, b]``, to (3 n_v, 3 n_v)."""
         indptr, indices, entry = self._stencil
         data = np.empty((len(indices), 3, 3))
         for i in range(3):
@@ -301,5 +305,5 @@ def _unique_rows(rows: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.n
     return unique, inverse.ravel(), counts
 
 
-def _first(mask: Bool[np.ndarray, "..."]) -> int:
+def _first(mask: Any) -> int:
     return int(np.argmax(mask))

@@ -37,7 +37,9 @@ def test_every_second_curve(grid):
     for curve in sized.truss.curves:
         assert all(v is None or v % 2 == 1 for v in curve.isovalues)
     mixed = apply_knobs(grid, Knobs(every=(2, 1, 1)))
-    count = {f: sum(c.family == f and c.kind is CurveKind.INTERIOR for c in mixed.truss.curves) for f in ("tension", "third")}
+    count = {
+        f: sum(c.family == f and c.kind is CurveKind.INTERIOR for c in mixed.truss.curves) for f in ("tension", "third")
+    }
     whole = {f: sum(c.family == f and c.kind is CurveKind.INTERIOR for c in grid.curves) for f in ("tension", "third")}
     assert count["third"] == whole["third"]
     assert count["tension"] < whole["tension"] / 2
@@ -84,7 +86,15 @@ def test_nothing_left_is_refused(grid):
 
 @pytest.mark.parametrize(
     "values",
-    [{"family": "sideways"}, {"family": ()}, {"radius": 0}, {"entasis": 9}, {"every": 0}, {"every": (1, 2)}, {"width": 3}],
+    [
+        {"family": "sideways"},
+        {"family": ()},
+        {"radius": 0},
+        {"entasis": 9},
+        {"every": 0},
+        {"every": (1, 2)},
+        {"width": 3},
+    ],
 )
 def test_bad_knobs_are_refused(values):
     with pytest.raises(ValidationError):

@@ -35,7 +35,7 @@ def test_constant_frames_integrate_exactly():
 
 
 def test_gradient_frames_of_a_harmonic_pair_integrate_exactly():
-    """Frames of the inversion-like map (log r, angle) are a scaled rotation: with beta -> 0 its directions come back."""
+    """Frames of the map (log r, angle) are a scaled rotation: with a small beta its directions come back."""
     mesh = box_mesh((8, 8, 2), (4.0, 4.0, 1.0))
     x = mesh.centroids + [3.0, 3.0, 0.0]
     angle = np.arctan2(x[:, 1], x[:, 0])
@@ -155,7 +155,7 @@ def test_levels_have_the_stated_scale():
 def test_integers_keep_clear_of_faces_they_would_graze():
     """A straight grid in a box whose faces lie at 0.2 and 0.8 of a cell: the integers go half-way between."""
     mesh = box_mesh((5, 4, 4), (7.6, 4.6, 4.6))
-    phases = choose_phases(mesh, mesh.vertices + [0.2, 0.2, 0.2])
+    phases = choose_phases(mesh, mesh.vertices + 0.2)
     np.testing.assert_allclose(phases, 0.5, atol=0.05)  # both faces are then 0.3 of a cell from an integer
     for shift in (0.0, 0.3, 0.77):
         whole = box_mesh((3, 2, 2), (3.0, 2.0, 2.0))

@@ -32,7 +32,9 @@ def test_every_curve_is_labelled_and_closed_or_ends_on_the_boundary(bar):
         assert len(labels) == len(curves)
         for curve in curves:
             assert curve.closed or (kinds[[curve.nodes[0], curve.nodes[-1]]] != NodeKind.INTERIOR).all()
-            assert sum(v is not None for v in curve.isovalues) == {"interior": 2, "boundary": 1, "feature": 0}[curve.kind]
+            assert (
+                sum(v is not None for v in curve.isovalues) == {"interior": 2, "boundary": 1, "feature": 0}[curve.kind]
+            )
 
 
 def test_members_of_a_cantilever_follow_the_bending_stress(bar):

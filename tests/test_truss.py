@@ -36,12 +36,14 @@ def network_of(
         values = {"interior": (None, number, 0), "boundary": (None, number, None), "feature": (None, None, None)}[kind]
         family = "feature" if axis < 0 else "tension"
         numbers = range(len(members), len(members) + len(steps))
-        made.append(Curve(kind, family, axis, values, number if axis < 0 else 0, np.array(path), list(numbers), closed))
+        made.append(
+            Curve(kind, family, axis, values, number if axis < 0 else 0, np.array(path), np.array(numbers), closed)
+        )
         members += steps
     points = [np.reshape((paths or {}).get(m, []), (-1, 3)) for m in range(len(members))]
     offsets = np.concatenate([[0], np.cumsum([len(p) for p in points])])
     nodes = np.array(nodes, float)
-    return CurveNetwork(nodes, kinds, nodes, members, np.concatenate(points), offsets, tuple(made))
+    return CurveNetwork(nodes, np.array(kinds), nodes, np.array(members), np.concatenate(points), offsets, tuple(made))
 
 
 def box_network(shift: float = 0.5, cells: int = 3) -> CurveNetwork:
@@ -56,15 +58,12 @@ def test_nothing_to_clean_is_left_alone() -> None:
     """Layers half a cell from every face: the shortest members are half a cell long."""
     network = box_network()
     truss, report = clean_network(network, 1.0)
-    assert (report.nodes, report.members) == ((143, 143), (360, 360))
+    assert (report.nodes, report.members) == ((125, 125), (300, 300))
     assert report.merged_nodes == report.merged_ends == report.rerouted_members == report.acute_pairs == 0
     assert report.shared_members == 0
     np.testing.assert_array_equal(truss.nodes, network.nodes)
     assert [c.name for c in truss.curves] == [c.name for c in network.curves]
-    assert (
-        valences(truss.node_kinds, truss.members) == {"interior": {6: 27}, "boundary": {3: 8, 4: 36, 5: 54 + 18}}
-        or True
-    )
+    assert valences(truss.node_kinds, truss.members) == {"interior": {6: 27}, "boundary": {3: 8, 4: 36, 5: 54}}
     assert interior_degree_6(network) == 1
 
 
@@ -141,8 +140,8 @@ def test_two_surface_curves_around_a_hole_stay_apart() -> None:
     np.testing.assert_allclose(np.abs(truss.nodes[2]), [0, 1, 0], atol=1e-12)
     # The other half keeps its bow as a waypoint.
     np.testing.assert_allclose(truss.waypoints, -truss.nodes[2:], atol=1e-12)
-    # Seen with cells ten times as large there is no hole to speak of.
-    truss, report = clean_network(network_of(nodes, [CORNER] * 2, curves, path), 3.0)
+    # In cells of 4 the two halves would be too short to be built: the hole is too small for this truss.
+    truss, report = clean_network(network_of(nodes, [CORNER] * 2, curves, path), 4.0)
     assert (len(truss.nodes), len(truss.members), report.shared_members) == (2, 1, 1)
 
 
@@ -170,7 +169,7 @@ def test_a_curve_there_and_back_keeps_no_spur() -> None:
 
 
 def test_near_parallel_members_are_joined() -> None:
-    """0-1 and 0-2 enclose 5.7 degrees and 2 lies far beyond 1: the longer member goes through the end of the shorter."""
+    """0-1 and 0-2 enclose 5.7 degrees and 2 lies far beyond 1: the longer member goes through 1."""
     nodes = [[0, 0, 0], [1, 0.1, 0], [2, 0, 0], [1, 1, 0]]
     curves = [(CurveKind.INTERIOR, [0, 1, 3], False), (CurveKind.INTERIOR, [0, 2], False)]
     truss, report = clean_network(network_of(nodes, [BOUNDARY, INTERIOR, BOUNDARY, BOUNDARY], curves), 1.0)
@@ -263,7 +262,8 @@ def test_every_second_curve_by_hand() -> None:
     a, b = kept.nodes[kept.members].transpose(1, 0, 2)
     s = np.linalg.norm(kept.waypoints - a, axis=1) / 1.5
     np.testing.assert_allclose(kept.waypoints, a + s[:, None] * (b - a), atol=1e-5)
-    np.testing.assert_allclose(np.sort(np.unique(np.round(s, 3))), [0.333, 0.667], atol=1e-3)
+    # Nodes are numbered from inside to corners, so that every waypoint lies nearer to the second node.
+    np.testing.assert_allclose(s, 2 / 3, atol=1e-5)
     # Dissolving twice is dissolving once.
     again = keep_curves(kept, np.ones(len(kept.curves), bool))
     np.testing.assert_array_equal(again.waypoints, kept.waypoints)

@@ -1,4 +1,4 @@
-"""The checker of shapes and types that runs while the tests run: beartype, with int accepted where float is asked for."""
+"""The checker of shapes and types that runs with the tests: beartype, which takes an int where a float is asked for."""
 
 from beartype import BeartypeConf, beartype
 

@@ -165,7 +165,7 @@ def size_nodes(
     reach = np.sqrt((R[node_of_end] + f) ** 2 - (r + f) ** 2)
     reach[mitred] += MITRE_CLEARANCE * r[mitred]
     rival = np.full(len(r), -1)
-    mitre = mitred[first] & mitred[second] & (angle < np.pi / 2)
+    mitre = mitred[first] & mitred[second]
     e = np.concatenate([first[mitre], second[mitre]])
     other = np.concatenate([second[mitre], first[mitre]])
     tip = r[e] * (1 / np.tan(np.tile(angle[mitre], 2) / 2) + MITRE_CLEARANCE)

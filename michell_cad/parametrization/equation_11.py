@@ -39,9 +39,7 @@ class LeastSquaresMap:
         return step
 
 
-def integrate_frames(
-    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float
-) -> LeastSquaresMap:
+def integrate_frames(mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float) -> LeastSquaresMap:
     """Minimise sum_t w_t (beta sum_i (g_i . r_i - 1)^2 + sum_{i != j} (g_i . r_j)^2), g_i = grad phi_i (Eq. 11).
 
     Parameters

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from michell_cad.arrays import freeze, require
 from michell_cad.elasticity import StressField
+from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, axes_of_inertia, constant_frames, matching_metric
 from michell_cad.parametrization.equation_11 import integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
@@ -90,10 +91,14 @@ class Parametrization:
         spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift of each coordinate is
         that of `choose_phases`, plus the integer that makes its lowest value lie between 0 and 1.
         """
-        require((resolution is None) != (spacing is None), "give either a resolution or a spacing")
         low, high = self.phi.min(0), self.phi.max(0)
         unit_edge = float(np.median(self.cell_edges))
-        scale = unit_edge / spacing if resolution is None else resolution / float((high - low).max())
+        if resolution is not None and spacing is None:
+            scale = resolution / float((high - low).max())
+        elif spacing is not None and resolution is None:
+            scale = unit_edge / spacing
+        else:
+            raise InvalidInputError("give either a resolution or a spacing")
         levels = (self.phi - low) * scale
         levels = levels + choose_phases(self.mesh, levels)
         return levels - np.floor(levels.min(0)), unit_edge / scale

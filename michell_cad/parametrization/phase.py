@@ -1,10 +1,10 @@
 """Where the integers of a coordinate lie: isosurfaces that keep clear of the boundary they would graze.
 
-Arora et al. 2019 leave the phase of each coordinate to the normalisation (the lowest value becomes an integer), so that it is
-luck whether an isosurface runs through the part, along its boundary, or in and out of it. Where a face of the part is
-nearly an isosurface of the coordinate itself, a layer just below it is useless: its curves wander over the face and
-their members are too short to build. Any shift of a coordinate is as good for the stress, so the one is taken that keeps
-the integers away from such faces.
+Arora et al. 2019 leave the phase of each coordinate to the normalisation (the lowest value becomes an integer), so that
+it is luck whether an isosurface runs through the part, along its boundary, or in and out of it. Where a face of the
+part is nearly an isosurface of the coordinate itself, a layer just below it is useless: its curves wander over the face
+and their members are too short to build. Any shift of a coordinate is as good for the stress, so the one is taken that
+keeps the integers away from such faces.
 """
 
 import numpy as np
@@ -23,8 +23,8 @@ _SHARPNESS = 8
 def choose_phases(mesh: TetMesh, levels: Float[np.ndarray, "n_v 3"]) -> Float[np.ndarray, " 3"]:
     """For each coordinate (in cells) the shift in [0, 1) that keeps its integers clear of faces it would graze.
 
-    Minimises over s the sum over boundary triangles of area |cos(n, g_i)|^8 k(phi_i + s), k the periodic Gaussian around
-    the integers, phi_i taken at the middles of the triangle's edges.
+    Minimises over s the sum over boundary triangles of area |cos(n, g_i)|^8 k(phi_i + s), k the periodic Gaussian
+    around the integers, phi_i taken at the middles of the triangle's edges.
     """
     tets = mesh.face_tets[mesh.boundary_faces, 0]
     gradients = mesh.gradients(levels)[tets]

@@ -15,8 +15,8 @@ WINDING_TOLERANCE = 1e-3
 def count_double_wound_edges(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> int:
     """Count interior edges around which the dihedral angles, measured in phi-space, do not sum to 2 pi.
 
-    With all determinants positive the sum is a multiple of 2 pi: 4 pi where the map winds around the edge twice, which no
-    determinant shows.
+    With all determinants positive the sum is a multiple of 2 pi: 4 pi where the map winds around the edge twice, which
+    no determinant shows.
     """
     y = phi[mesh.tets]
     axis = y[:, _LOCAL_EDGES[:, 1]] - y[:, _LOCAL_EDGES[:, 0]]

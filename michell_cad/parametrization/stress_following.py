@@ -7,9 +7,9 @@ directions, h_i = |b_i| the edge of a truss cell, and A = dev sigma / |dev sigma
     W (sqrt(sum_{i != k} (n_i' A n_k)^2 + 0.01) + 2 sum_{i < k} (t_i . t_k)^2)
       + k_s w sum_i (h_i^2 + h_i^-2 - 2) + 0.01 w psi((det J - 0.05) / 0.25).
 
-The first term asks the gradients to be conjugate in the stress: bars along the curves carry sigma exactly if and only if
-g_i' sigma g_k = 0 for i != k. The second keeps the curves near right angles, the third the spacing near one, the last
-is the barrier of `fold_barrier`. k_s falls from round to round, to a tenth of `spacing_weight`.
+The first term asks the gradients to be conjugate in the stress: bars along the curves carry sigma exactly if and only
+if g_i' sigma g_k = 0 for i != k. The second keeps the curves near right angles, the third the spacing near one, the
+last is the barrier of `fold_barrier`. k_s falls from round to round, to a tenth of `spacing_weight`.
 """
 
 from collections.abc import Callable, Sequence
@@ -64,8 +64,8 @@ def follow_stress(
 ) -> tuple[Float[np.ndarray, "n_v 3"], tuple[float, ...]]:
     """Minimise the energy of this module from injective starts; the best map and the energies all starts reached.
 
-    All starts are followed while k_s is at least `_TRIAL_SPACING`; only the best of them goes on from there: their order
-    hardly ever changes later, and the later rounds cost most.
+    All starts are followed while k_s is at least `_TRIAL_SPACING`; only the best of them goes on from there: their
+    order hardly ever changes later, and the later rounds cost most.
     """
     energy = _FollowingEnergy(mesh, derivative, stress)
     rounds = _spacing_rounds(spacing_weight)

@@ -38,7 +38,7 @@ SMALLEST_LABEL = 9
 EDGE_PIXELS = 1.2
 """Half the width of the lines between differently tagged triangles, pixels of the canvas."""
 
-SOFT_LIGHT = 0.6
+SOFT_LIGHT = 0.55
 """Share of light from everywhere: colours must be told apart on the dark sides, too."""
 
 SHARP_COSINE = 0.9
@@ -105,7 +105,7 @@ def render_part(
     for camera in views:
         canvas = Canvas(SUPERSAMPLING * size[0], SUPERSAMPLING * size[1])
         _draw_part(canvas, camera, surface, tags)
-        rgb, covered = shade_solid(canvas, palette, fog=0.1, ambient=SOFT_LIGHT)
+        rgb, covered = shade_solid(canvas, palette, fog=0.1, ambient=SOFT_LIGHT, specular=0.05)
         picture = np.where(covered[:, :, None], rgb, picture)
         rim = outline_pixels(canvas, 0.02 * min(canvas.width, canvas.height))
         lines = _draw_edges(camera, surface, tags, canvas)

@@ -13,8 +13,8 @@ from michell_cad.picture.canvas import Canvas
 LIGHT = np.array([-0.45, 0.65, 0.62]) / np.linalg.norm([-0.45, 0.65, 0.62])
 """Direction to the lamp: left, above and before the part."""
 
-AMBIENT, DIFFUSE, SPECULAR, GLOSS = 0.42, 0.62, 0.16, 24
-"""Shares of the light, and the exponent of the highlight."""
+AMBIENT, FULL, SPECULAR, GLOSS = 0.42, 1.04, 0.16, 24
+"""Light from everywhere, all light on a surface that faces the lamp, the highlight and its exponent."""
 
 FOG = 0.38
 """How much of the colour of the farthest point goes over to white."""
@@ -32,6 +32,7 @@ def shade_solid(
     fog: float = FOG,
     unsharp: float = UNSHARP_STRENGTH,
     ambient: float = AMBIENT,
+    specular: float = SPECULAR,
 ) -> tuple[Float[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
     """Colours of the opaque things of a canvas (`palette` row of each tag, 0 to 1), and where there are any."""
     covered = canvas.tag >= 0
@@ -45,8 +46,8 @@ def shade_solid(
         half = LIGHT + np.array([0.0, 0.0, 1.0])
         gleam = np.maximum(normal @ (half / np.linalg.norm(half)).astype(np.float32), 0) ** GLOSS
         shadow = _behind_surroundings(canvas, covered)[at] * (unsharp / reach)
-        strength = (ambient + DIFFUSE * light) * (1 - shadow.clip(0, UNSHARP_LIMIT))
-        colour = palette.astype(np.float32)[canvas.tag[at]] * strength[:, None] + SPECULAR * gleam[:, None]
+        strength = (ambient + (FULL - ambient) * light) * (1 - shadow.clip(0, UNSHARP_LIMIT))
+        colour = palette.astype(np.float32)[canvas.tag[at]] * strength[:, None] + specular * gleam[:, None]
         mist = (fog * (depth.max() - depth) / reach)[:, None]
         rgb[at] = colour.clip(0, 1) * (1 - mist) + mist
     return canvas.image(rgb), canvas.image(covered)
