@@ -163,3 +163,7 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
     console.print(table)
     for note in report["notes"]:
         console.print(f"[yellow]note[/]: {note}")
+
+
+if __name__ == "__main__":
+    main()

@@ -47,7 +47,7 @@ _SPACING_STEP = 10**0.5
 """k_s falls by this factor from round to round."""
 _TRIAL_SPACING = 0.09
 """Smallest k_s at which all starts are still followed."""
-_ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 3e-5
+_ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
 _ANCHOR = 1e-6
 """Mass added to the preconditioning Laplacian, relative, so that translations do not make it singular."""
 _BLOCK = 8192
