@@ -126,6 +126,16 @@ def test_sharp_bends_of_features_stay_sharp() -> None:
     assert np.abs(smooth[1, :, 1]).max() > 0.05
 
 
+def test_tangent_at_a_point_weighs_the_nearer_neighbour_more() -> None:
+    """Chords of lengths 1 and 3 along x and y: the parabola through the three points leaves along (3 x + 1 y) / 4."""
+    tangents = fit_splines(truss_of(np.array([[0, 0, 0], [1, 0, 0], [1, 3, 0.0]]))).tangents(np.array([0.0, 1.0]))
+    middle = np.array([3, 1, 0]) / np.sqrt(10)
+    np.testing.assert_allclose(tangents[:, ::-1][[0, 1], [0, 1]], [middle, middle], atol=1e-12)
+    # At the ends 2 d - m: (2 - 3/4, -1/4) and (-3/4, 2 - 1/4).
+    ends = np.array([[5, -1, 0], [-3, 7, 0]])
+    np.testing.assert_allclose(tangents[[0, 1], [0, 1]], ends / np.linalg.norm(ends, axis=1)[:, None], atol=1e-12)
+
+
 def test_straight_members_ignore_the_curve() -> None:
     truss = keep_curves(truss_of(circle(7, np.pi)), np.array([True]))
     splines = fit_splines(truss, straight=True)

@@ -291,6 +291,15 @@ def test_closed_curves_keep_three_nodes() -> None:
     assert sorted(both.degrees.tolist()) == [2, 2, 3, 3]
 
 
+def test_an_open_curve_that_ends_where_it_begins_stays_open() -> None:
+    ring = [[np.cos(t), np.sin(t), 0] for t in np.arange(7) * 2 * np.pi / 7]
+    network = network_of(ring, [FEATURE] * 7, [(CurveKind.FEATURE, [1, 2, 3, 4, 5, 6, 0, 1], False)])
+    kept = keep_curves(build_truss(network, 0.5), np.array([True]))
+    (curve,) = kept.curves
+    assert (len(kept.nodes), len(curve.members), curve.closed) == (3, 3, False)
+    np.testing.assert_allclose(kept.nodes[curve.nodes[[0, -1]]], [ring[1], ring[1]])
+
+
 def test_corners_and_ends_are_not_dissolved() -> None:
     nodes = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0]]
     curves = [(CurveKind.FEATURE, [0, 1, 2], False), (CurveKind.FEATURE, [2, 3], False)]

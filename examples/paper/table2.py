@@ -41,7 +41,8 @@ def row(report: dict[str, Any], paper: dict[str, Any] | None) -> str:
     return (
         f"{report['name']:<24}{report['beta']:>5g}  {' '.join(theirs):<22} "
         f"{_spread(a['misalignment_deg'])} {_spread(a['angle_deg'])}  "
-        f"{a['frame_shear_residual']:.3f} {a['curve_shear_residual']:.3f} {a['uncarried_stress']:.3f} {a['spacing_p99']:5.2f}  {p['inverted_tets']:>4} {p['double_wound_edges']:>4} "
+        f"{a['frame_shear_residual']:.3f} {a['curve_shear_residual']:.3f} {a['uncarried_stress']:.3f} "
+        f"{a['spacing_p99']:5.2f}  {p['inverted_tets']:>4} {p['double_wound_edges']:>4} "
         f"{t['interior_degree_6']:.3f} {t['duplicate_members']:>3}  {t['members']:>6}  {unit:6.3f} {cpu}"
     )
 

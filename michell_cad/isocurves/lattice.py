@@ -33,8 +33,8 @@ MAX_CELLS_PER_TET = 256.0
 MAX_LEVEL = 2.0**31
 """Levels below this keep the grid exact in 64-bit integers."""
 
-MAX_CROSSINGS = 2**26
-"""Candidates of one pair that are examined at once (about 10 GB)."""
+MAX_CROSSINGS = 2**24
+"""Candidates of one pair that are examined at once (about 150 bytes each, 2.5 GB)."""
 
 
 @dataclass(frozen=True, eq=False)

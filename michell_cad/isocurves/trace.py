@@ -158,7 +158,7 @@ def trace_isocurves(
     parts = [interior, surface.segments, features.segments]
     strands = _Strands(
         _concatenate(parts, [len(points), len(surface.vertex_crossings)]),
-        np.repeat([0, 1, 2], [len(part.ends) for part in parts]),
+        np.repeat(range(3), [len(part.ends) for part in parts]),
         _isovalues(crossings, interior, surface, len(features.segments.ends)),
         np.concatenate([points, edge_points[surface.vertex_crossings], mesh.vertices[features.vertices]]),
         np.concatenate([boundary_nodes, feature_nodes[surface.vertex_crossings], corner_nodes]),

@@ -135,7 +135,6 @@ def parametrize(
         starts = [phi, *(mesh.vertices @ R for R in grids)]
         phi, _ = follow_stress(
             mesh,
-            derivative,
             stress_field.stress,
             options.spacing_weight,
             starts,

@@ -22,24 +22,10 @@ from jaxtyping import Float
 from michell_cad.linear_solver import factorise
 from michell_cad.minimize import minimize
 from michell_cad.parametrization.equation_11 import tet_weights
-from michell_cad.parametrization.fold_barrier import BARRIER_WIDTH, LEAST_DETERMINANT, barrier
-from michell_cad.parametrization.jacobians import (
-    Components,
-    MapDerivative,
-    cofactors,
-    determinants,
-    product,
-    transposed,
-)
+from michell_cad.parametrization.fold_barrier import BARRIER_WIDTH, LEAST_DETERMINANT
+from michell_cad.parametrization.following_energy import add_tets
 from michell_cad.tet_mesh import TetMesh
 
-ROUNDING = 0.01
-"""Under the root of the first term: it rounds off the kink at exact alignment (relative, squared)."""
-ORTHOGONALITY = 2.0
-"""Weight of the second term. At 1 the curves cross obliquely (angles deviate by 14 degrees on average over five of the
-paper's problems, by 5 at 3) for hardly less stress left uncarried, and acute nodes are what tubes cannot meet in."""
-BARRIER = 0.01
-"""Weight of the barrier."""
 SPACING_PER_WEIGHT = 0.1
 """The last k_s over `spacing_weight`."""
 _FIRST_SPACING = 0.3
@@ -50,13 +36,10 @@ _TRIAL_SPACING = 0.09
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
 _ANCHOR = 1e-6
 """Mass added to the preconditioning Laplacian, relative, so that translations do not make it singular."""
-_BLOCK = 8192
-"""Tets worked on at a time: their matrices stay in the cache."""
 
 
 def follow_stress(
     mesh: TetMesh,
-    derivative: MapDerivative,
     stress: Float[np.ndarray, "n_t 3 3"],
     spacing_weight: float,
     starts: Sequence[Float[np.ndarray, "n_v 3"]],
@@ -67,7 +50,7 @@ def follow_stress(
     All starts are followed while k_s is at least `_TRIAL_SPACING`; only the best of them goes on from there: their
     order hardly ever changes later, and the later rounds cost most.
     """
-    energy = _FollowingEnergy(mesh, derivative, stress)
+    energy = _FollowingEnergy(mesh, stress)
     rounds = _spacing_rounds(spacing_weight)
     trial = [spacing for spacing in rounds if spacing >= _TRIAL_SPACING] or rounds[:1]
     final = rounds[len(trial) :]
@@ -93,8 +76,8 @@ def follow_stress(
 
     found = []
     for phi in starts:
-        J = derivative.jacobians(phi)
-        found.append(descend(phi / np.median(determinants(J, cofactors(J))) ** (1 / 3), trial))
+        scale = np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
+        found.append(descend(np.ascontiguousarray(phi / scale), trial))
     values = tuple(value for value, _ in found)
     phi = found[int(np.argmin(values))][1]
     return (descend(phi, final)[1] if final else phi), values
@@ -121,73 +104,29 @@ class _FollowingEnergy:
     """Value and gradient of the energy; `spacing` is k_s."""
 
     mesh: TetMesh
-    derivative: MapDerivative
     stress: Float[np.ndarray, "n_t 3 3"]
     spacing: float = _FIRST_SPACING
 
     def __post_init__(self) -> None:
         deviator = self.stress - np.einsum("tii->t", self.stress)[:, None, None] / 3 * np.eye(3)
         norm = np.linalg.norm(deviator, axis=(1, 2))
-        unit = deviator / np.maximum(norm, np.finfo(float).tiny)[:, None, None]
-        self._A = np.ascontiguousarray(unit.transpose(1, 2, 0))
+        self._A = deviator / np.maximum(norm, np.finfo(float).tiny)[:, None, None]
         weights = self.mesh.volumes * norm
         self.weights_stress = weights / max(weights.mean(), np.finfo(float).tiny)
         self.weights_volume = tet_weights(self.mesh)
 
     def __call__(self, phi: np.ndarray) -> tuple[float, np.ndarray]:
-        J = self.derivative.jacobians(phi)
-        P = np.empty_like(J)
-        value = 0.0
-        for start in range(0, J.shape[2], _BLOCK):
-            block = slice(start, start + _BLOCK)
-            part = _energy_of_tets(
-                np.ascontiguousarray(J[:, :, block]),
-                np.ascontiguousarray(self._A[:, :, block]),
-                self.weights_stress[block],
-                self.weights_volume[block],
-                self.spacing,
-            )
-            if part is None:
-                return np.inf, phi
-            value += part[0]
-            P[:, :, block] = part[1]
-        return value, self.derivative.pull_back(P)
-
-
-def _energy_of_tets(
-    J: Components, A: Components, W: np.ndarray, w: np.ndarray, spacing: float
-) -> tuple[float, Components] | None:
-    """Sum of the energies of some tets and its gradient with respect to J; None if one is inverted or nearly so."""
-    C = cofactors(J)
-    det = determinants(J, C)
-    s = (det - LEAST_DETERMINANT) / BARRIER_WIDTH
-    if s.min() <= 0:
-        return None
-    # Conjugacy of the gradients: S = N A N', rows of N of length one.
-    length = np.sqrt(np.einsum("idn,idn->in", J, J))[:, None]
-    N = J / length
-    NA = product(N, A)
-    S = product(NA, transposed(N))
-    S[range(3), range(3)] = 0
-    root = np.sqrt(np.einsum("ikn,ikn->n", S, S) + ROUNDING)
-    value = W @ root
-    P = product(S, NA) * (2 * W / root)
-    P = (P - N * np.einsum("idn,idn->in", P, N)[:, None]) / length
-    # Angles between the tangents: the columns of B = J^-1 = C'/det.
-    B = transposed(C) / det
-    h = np.sqrt(np.einsum("din,din->in", B, B))[None]
-    T = B / h
-    X = product(transposed(T), T)
-    X[range(3), range(3)] = 0
-    value += 0.5 * ORTHOGONALITY * (W @ np.einsum("ikn,ikn->n", X, X))
-    Q = product(T, X) * (2 * ORTHOGONALITY * W)
-    Q = (Q - T * np.einsum("din,din->in", Q, T)[None]) / h
-    # Spacing, and the barrier.
-    h2 = h[0] ** 2
-    value += spacing * (w @ (h2 + 1 / h2 - 2).sum(0))
-    Q += B * (spacing * w * (2 - 2 / h2**2))[None]
-    psi, slope = barrier(s)
-    value += BARRIER * (w @ psi)
-    P -= product(product(transposed(B), Q), transposed(B))
-    P += C * (BARRIER / BARRIER_WIDTH * w * slope)
-    return float(value), P
+        gradient = np.zeros_like(phi)
+        value = add_tets(
+            self.mesh.tets,
+            self.mesh.hat_gradients,
+            phi,
+            self._A,
+            self.weights_stress,
+            self.weights_volume,
+            self.spacing,
+            LEAST_DETERMINANT,
+            BARRIER_WIDTH,
+            gradient,
+        )
+        return value, gradient

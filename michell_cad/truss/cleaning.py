@@ -24,7 +24,7 @@ from michell_cad.truss.draft import Draft, draft_network, finish, split_lenses
 from michell_cad.truss.values import Truss
 
 MAX_ROUNDS = 20
-"""Rounds of collapsing and joining; each shortens the truss, and few are needed (the tests see at most 6)."""
+"""Rounds of collapsing and joining; each shortens the truss. Maps of which a third is folded needed 5."""
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,10 @@ def check_network(network: CurveNetwork) -> None:
         assert (network.members[curve.members] == np.stack([curve.nodes[: len(following)], following], axis=1)).all()
         assert (kinds[curve.nodes] >= lowest.get(curve.kind, NodeKind.FEATURE)).all()
         assert len(np.unique(curve.nodes[1:])) == len(curve.nodes) - 1
-        if not curve.closed:
+        if curve.closed:
+            assert curve.nodes[0] == curve.nodes.min()
+            assert len(curve.nodes) < 3 or curve.nodes[1] < curve.nodes[-1]
+        else:
             assert {NodeKind(kinds[node]) for node in curve.nodes[[0, -1]]} <= ends[curve.kind]
         for coordinate, value in enumerate(curve.isovalues):
             if value is not None:
