@@ -18,7 +18,7 @@ from michell_cad.domain import Outline, forecast_tets, read_outline
 from michell_cad.domain.refine import refine_surface
 from michell_cad.domain.tet_meshing import check_mesh_size
 from michell_cad.errors import InvalidInputError
-from michell_cad.job import Job, Load, choose_material, job_schema, read_job
+from michell_cad.job import MAIN_CASE, Job, Load, choose_material, job_schema, read_job
 from michell_cad.picture import Arrow, face_colours, render_part
 from michell_cad.problem import GRAVITY
 from michell_cad.selection import select_triangles, suggest_selectors
@@ -135,12 +135,13 @@ def check_job(job: Path, out: Path | None, console: Console) -> Path:
         outline = replace(outline, surface=refine_surface(outline.surface, size))
     tags = np.zeros(len(outline.surface.triangles), int)
     held = _show_supports(outline, content, size, console)
-    loaded, arrows = _show_loads(outline, content, material.density, console)
+    loaded, arrows, cases = _show_loads(outline, content, material.density, console)
     tags[held] = HELD
     tags[loaded & ~held] = LOADED
     tags[loaded & held] = BOTH
     names = {HELD: "held", LOADED: "loaded", BOTH: "held and loaded"}
     legend = [(tuple(_PALETTE[tag].tolist()), text) for tag, text in names.items() if (tags == tag).any()]
+    legend += [(_RED, f"{name}: {_vector(total.force)} N") for name, total in cases.items()]
     path = out or Path(f"{Path(job).stem}_check.png")
     render_part(path, outline.surface, tags, _PALETTE, arrows=arrows, legend=legend, up=outline.up)
     console.print(f"picture: {path}", markup=False, highlight=False)
@@ -190,7 +191,10 @@ def _show_supports(outline: Outline, job: Job, size: float, console: Console) ->
     return held
 
 
-def _show_loads(outline: Outline, job: Job, density: float, console: Console) -> tuple[np.ndarray, list[Arrow]]:
+def _show_loads(
+    outline: Outline, job: Job, density: float, console: Console
+) -> tuple[np.ndarray, list[Arrow], dict[str, Resultant]]:
+    """Which triangles are loaded, the arrows to draw, and the resultant of each case."""
     surface = outline.surface
     loaded = np.zeros(len(surface.triangles), bool)
     arrows: list[Arrow] = []
@@ -201,15 +205,16 @@ def _show_loads(outline: Outline, job: Job, density: float, console: Console) ->
         pushed = (force != 0).any(1)
         total = Resultant(force.sum(0), np.cross(x, force).sum(0), x[pushed].mean(0))
         console.print(f"loaded: {pushed.sum():,} vertices, as the file says; {_spell(total)}", markup=False)
-        return pushed[surface.triangles].all(1), _arrows(surface, np.flatnonzero(pushed), total)
+        on_surface = np.all(pushed[surface.triangles], axis=1)
+        return on_surface, _arrows(surface, np.flatnonzero(on_surface), total), {MAIN_CASE: total}
     cases: dict[str, Resultant] = {}
     for number, load in enumerate(job.load, 1):
-        result = load_resultant(outline, load, density)
         where, chosen = "the whole part", np.zeros(0, int)
         if load.self_weight is None:
             chosen = _select(outline, load, f"[[load]] {number}")
             where = f"{load.described} -> {_faces(outline, chosen)}, {surface.areas[chosen].sum():.5g} mm2"
             loaded[chosen] = True
+        result = load_resultant(outline, load, density)
         console.print(f"loaded: {where}: {_spell(result)}", markup=False)
         arrows += _arrows(surface, chosen, result)
         old = cases.get(load.case)
@@ -219,7 +224,7 @@ def _show_loads(outline: Outline, job: Job, density: float, console: Console) ->
     for name, total in cases.items():
         weight = job.cases.weights.get(name, 1.0)
         console.print(f"load case {name} (weight {weight:g}): {_spell(total)}", markup=False)
-    return loaded, arrows
+    return loaded, arrows, cases
 
 
 def _select(outline: Outline, region, place: str) -> np.ndarray:
@@ -232,13 +237,10 @@ def _select(outline: Outline, region, place: str) -> np.ndarray:
 def _arrows(surface, triangles: np.ndarray, result: Resultant) -> list[Arrow]:
     """An arrow for the force, or a double-headed one for a couple; it ends at a face that it pushes."""
     force, moment = result.force, result.moment
-    scale = max(np.abs(moment).max() / surface.diagonal, 1e-300)
+    scale = np.abs(moment).max() / surface.diagonal
     point = tuple(result.point.tolist())
     if np.linalg.norm(force) > 1e-6 * scale:
-        outward = (
-            surface.area_vectors[triangles].sum(0) if len(triangles) and triangles.max() < len(surface.areas) else 0
-        )
-        inward = bool(np.dot(np.broadcast_to(outward, 3), force) < 0)
+        inward = bool(surface.area_vectors[triangles].sum(0) @ force < 0)
         return [Arrow(point, tuple(force.tolist()), _RED, inward)]
     return [Arrow(point, tuple(moment.tolist()), _RED, double=True)]
 

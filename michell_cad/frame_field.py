@@ -25,8 +25,9 @@ from jaxtyping import Float
 
 from michell_cad.arrays import freeze, require
 from michell_cad.elasticity import StressField
+from michell_cad.matching_energy import add_tets
 from michell_cad.minimize import minimize
-from michell_cad.rotations import pull_back, rotation_matrix
+from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
 
 STRETCH = 10.0
@@ -117,12 +118,13 @@ def fit_frame_field(
     starts = constant_frames(mesh, metric, options.starts)
     results = []
     for number, R0 in enumerate(starts):
-        R = _fit_from(mesh, metric, weights, R0, options)
-        results.append((float(weights @ _matching(_in_frame(R, metric))[0]), R))
+        A = R0.T @ metric @ R0
+        w = _fit_from(mesh, weights, A, options)
+        results.append((add_tets(mesh.tets, weights, A, w, np.zeros_like(w)), R0, w))
         progress((number + 1) / len(starts))
-    energies = tuple(energy for energy, _ in results)
-    best = int(np.argmin(energies))
-    return FrameField(results[best][1], energies[best], float(weights @ least), energies)
+    energies = tuple(energy for energy, _, _ in results)
+    _, R0, w = results[int(np.argmin(energies))]
+    return FrameField(R0 @ rotation_matrix(w[mesh.tets].mean(1)), min(energies), float(weights @ least), energies)
 
 
 def matching_metric(
@@ -148,66 +150,43 @@ def constant_frames(mesh: TetMesh, metric: Float[np.ndarray, "n_t 3 3"], count: 
     result. Frames that differ by the symmetries of Eq. 4 (signs, and exchange of the second and third axis) are one.
     """
     weights = mesh.volumes / mesh.volumes.sum()
-
-    def energy(R0: np.ndarray, w: np.ndarray) -> tuple[float, np.ndarray]:
-        value, v = _matching(_in_frame(R0 @ rotation_matrix(w), metric))
-        return float(weights @ value), pull_back(w, weights @ v)
-
     axes = axes_of_inertia(mesh)
-    grid = sorted(
-        ((energy(axes @ Q, np.zeros(3))[0], number, axes @ Q) for number, Q in enumerate(_rotation_grid())),
-        key=lambda entry: entry[:2],
-    )
+    A = axes.T @ metric @ axes
+    one_vertex = np.zeros_like(mesh.tets)  # a constant frame is one rotation vector that all tets share
+
+    def energy(w: np.ndarray) -> tuple[float, np.ndarray]:
+        gradient = np.zeros((1, 3))
+        return add_tets(one_vertex, weights, A, w, gradient), gradient
+
+    grid = sorted((energy(w)[0], number, w) for number, w in enumerate(_rotation_grid()))
     minima: list[tuple[float, np.ndarray]] = []
-    for _, _, R0 in grid[:_REFINED]:
-        w, report = minimize(lambda w, R0=R0: energy(R0, w), np.zeros(3), lambda g: g, iterations=30)
-        R = R0 @ rotation_matrix(w)
+    for _, _, w in grid[:_REFINED]:
+        w, report = minimize(energy, w, lambda g: g, iterations=30)
+        R = axes @ rotation_matrix(w[0])
         if all(not _same_frame(R, other) for _, other in minima):
             minima.append((report.value, R))
     return [R for _, R in sorted(minima, key=lambda entry: entry[0])[:count]]
 
 
-def _fit_from(
-    mesh: TetMesh, metric: np.ndarray, weights: np.ndarray, R0: np.ndarray, options: FrameFieldOptions
-) -> np.ndarray:
-    n_t, volume = len(mesh.tets), mesh.volumes.sum()
-    mean = sp.csr_matrix((np.full(4 * n_t, 0.25), mesh.tets.ravel(), np.arange(0, 4 * n_t + 1, 4)))
-    mean_transposed = sp.csr_matrix(mean.T)
-    smoothness = (mesh.size**2 * mesh.laplacian() + sp.diags(mesh.vertex_volumes)) / volume
-    A = _in_frame(R0, metric)
+def _fit_from(mesh: TetMesh, weights: np.ndarray, A: np.ndarray, options: FrameFieldOptions) -> np.ndarray:
+    """Rotation vectors at the vertices, relative to the constant frame in whose axes the metric A is given."""
+    smoothness = (mesh.size**2 * mesh.laplacian() + sp.diags(mesh.vertex_volumes)) / mesh.volumes.sum()
     w = np.zeros((len(mesh.vertices), 3))
     # The data term's second derivative is of order one per tet and axis; a vertex takes part with a factor of 1/4.
-    data_diagonal = 0.25 * (mean_transposed @ weights)
+    data_diagonal = 0.25 * mesh.vertex_volumes / mesh.volumes.sum()
     for alpha in options.smoothness:
         H = sp.csr_matrix(alpha * smoothness)
         diagonal = (H.diagonal() + data_diagonal)[:, None]
 
         def energy(w: np.ndarray, H: sp.csr_matrix = H) -> tuple[float, np.ndarray]:
-            w_t = mean @ w
-            value, v = _matching(_in_frame(rotation_matrix(w_t), A))
-            gradient = mean_transposed @ (weights[:, None] * pull_back(w_t, v))
-            Hw = H @ w
-            return float(weights @ value + 0.5 * np.vdot(w, Hw)), gradient + Hw
+            gradient = H @ w
+            smooth = 0.5 * float(np.vdot(w, gradient))
+            return smooth + add_tets(mesh.tets, weights, A, w, gradient), gradient
 
         w, _ = minimize(
             energy, w, lambda g, d=diagonal: g / d, iterations=options.iterations, tolerance=options.tolerance
         )
-    return R0 @ rotation_matrix(mean @ w)
-
-
-def _in_frame(R: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """R' A R for one or many rotations and one or many tensors."""
-    return np.swapaxes(R, -1, -2) @ A @ R
-
-
-def _matching(S: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eq. 4 and its gradient in the body frame, from S = R' sigma+ R.
-
-    Under R -> R exp [d]_x the axes change by dr2 = d1 r3 - d3 r1 and dr3 = d2 r1 - d1 r2.
-    """
-    n2, n3 = np.sqrt(S[:, 1, 1]), np.sqrt(S[:, 2, 2])
-    v = np.stack([S[:, 1, 2] * (1 / n2 - 1 / n3), S[:, 0, 2] / n3, -S[:, 0, 1] / n2], axis=1)
-    return n2 + n3, v
+    return w
 
 
 def axes_of_inertia(mesh: TetMesh) -> Float[np.ndarray, "3 3"]:
@@ -221,16 +200,19 @@ def axes_of_inertia(mesh: TetMesh) -> Float[np.ndarray, "3 3"]:
     return axes
 
 
-def _rotation_grid() -> np.ndarray:
-    """Turns by a super-Fibonacci-like spiral of quaternions: low-discrepancy, fixed, the identity first."""
-    s = (np.arange(_GRID) + 0.5) / _GRID
-    alpha = 2 * np.pi * np.arange(_GRID) / np.sqrt(2)
-    beta = 2 * np.pi * np.arange(_GRID) / 1.533751168755204288118041
+def _rotation_grid() -> list[np.ndarray]:
+    """Rotation vectors on a super-Fibonacci spiral of quaternions: low-discrepancy, fixed, no turn at all first.
+
+    Alexa 2022 (doi:10.1109/CVPR52688.2022.00811), with its constants sqrt 2 and 1.5338.
+    """
+    k = np.arange(_GRID)
+    s = (k + 0.5) / _GRID
+    alpha, beta = 2 * np.pi * k / 2**0.5, 2 * np.pi * k / 1.533751168755204288118041
     r, R = np.sqrt(s), np.sqrt(1 - s)
-    x, y, z, w = r * np.sin(alpha), r * np.cos(alpha), R * np.sin(beta), R * np.cos(beta)
-    vector, t = np.stack([x, y, z], axis=1), np.sqrt(x * x + y * y + z * z)
-    turns = rotation_matrix(vector * (2 * np.arctan2(t, w) / t)[:, None])
-    return np.concatenate([np.eye(3)[None], turns])
+    vector = np.stack([r * np.sin(alpha), r * np.cos(alpha), R * np.sin(beta)], axis=1)
+    length = np.linalg.norm(vector, axis=1)
+    turns = vector * (2 * np.arctan2(length, R * np.cos(beta)) / length)[:, None]
+    return [np.zeros((1, 3)), *turns[:, None]]
 
 
 def _same_frame(A: np.ndarray, B: np.ndarray) -> bool:

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -106,7 +106,7 @@ class Support(Region):
         return value
 
     @model_validator(mode="after")
-    def _somewhere(self) -> Self:
+    def _somewhere(self) -> "Support":
         if all(getattr(self, key) is None for key in REGION_KEYS):
             raise ValueError(f"say where: give one of {', '.join(REGION_KEYS)}")
         return self
@@ -140,7 +140,7 @@ class Load(Region):
     _direction = field_validator("self_weight")(lambda value: value if value is None else _not_zero(value))
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Self:
+    def _one_kind(self) -> "Load":
         kinds = [key for key in LOAD_KEYS if getattr(self, key) is not None]
         if len(kinds) != 1:
             raise ValueError(f"give exactly one of {', '.join(LOAD_KEYS)}, found {' and '.join(kinds) or 'none'}")
@@ -176,9 +176,13 @@ class Options(BaseModel):
     spacing_weight: Annotated[Number, Field(gt=0, le=100)] = Field(
         default=0.1, description="The paper's beta: 0.1 follows the stress closely, 1 keeps the spacing even."
     )
+    follow_stress: Switch = Field(
+        default=True,
+        description="Align the curves themselves with the stress after the paper's Eq. 11; false stops there.",
+    )
 
     @model_validator(mode="after")
-    def _one_spacing(self) -> Self:
+    def _one_spacing(self) -> "Options":
         if self.resolution is not None and self.spacing is not None:
             raise ValueError("give resolution or spacing, not both")
         return self
@@ -207,7 +211,7 @@ class Setup(BaseModel):
     output: OutputSection = OutputSection()
 
     @model_validator(mode="after")
-    def _known_cases(self) -> Self:
+    def _known_cases(self) -> "Setup":
         named = list(dict.fromkeys(load.case for load in self.load)) or [MAIN_CASE]
         for case in self.cases.weights:
             if case not in named:

@@ -1,4 +1,4 @@
-"""Rotations of three-space, vectorised: the exponential map and its derivative."""
+"""Rotations of three-space, vectorised: the exponential map."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +9,7 @@ _SMALL_ANGLE = 1e-4
 
 def rotation_matrix(w: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """Matrix exponential of [w]_x (Rodrigues): R = I + a [w]_x + b [w]_x^2, a = sin t / t, b = (1 - cos t) / t^2."""
-    a, b, _ = _coefficients(w)
+    a, b = _coefficients(w)
     x, y, z = w[..., 0], w[..., 1], w[..., 2]
     R = np.empty((*w.shape, 3))
     R[..., 0, 0] = 1 - b * (y * y + z * z)
@@ -22,23 +22,11 @@ def rotation_matrix(w: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]
     return R
 
 
-def pull_back(w: Float[np.ndarray, "*n 3"], v: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-    """Gradient with respect to w of a function of R = exp [w]_x, from its gradient v in the body frame.
-
-    v is defined by df = v . d for R -> R exp [d]_x; exp [w + dw]_x = R exp [J dw]_x + O(dw^2) with the right Jacobian
-    J = I - b [w]_x + c [w]_x^2, b = (1 - cos t)/t^2, c = (t - sin t)/t^3. Returns J' v.
-    """
-    _, b, c = _coefficients(w)
-    wxv = np.cross(w, v)
-    return v + b[..., None] * wxv + c[..., None] * np.cross(w, wxv)
-
-
-def _coefficients(w: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _coefficients(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     t2 = np.einsum("...i,...i->...", w, w)
     t = np.sqrt(t2)
     small = t < _SMALL_ANGLE
     t, t2_safe = np.where(small, 1.0, t), np.where(small, 1.0, t2)
     a = np.where(small, 1 - t2 / 6, np.sin(t) / t)
     b = np.where(small, 0.5 - t2 / 24, (1 - np.cos(t)) / t2_safe)
-    c = np.where(small, 1 / 6 - t2 / 120, (t - np.sin(t)) / (t2_safe * t))
-    return a, b, c
+    return a, b

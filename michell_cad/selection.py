@@ -9,7 +9,7 @@ All coordinates are in the unit of the part's file (`[part] units`).
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Self, cast
+from typing import Annotated, cast
 
 import numpy as np
 from jaxtyping import Int
@@ -96,7 +96,7 @@ class Region(BaseModel):
         return value
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _one_way(self) -> "Region":
         given = [key for key in REGION_KEYS if getattr(self, key) is not None]
         if len(given) > 1:
             raise ValueError(f"give one of {', '.join(REGION_KEYS)}, found {' and '.join(given)}")

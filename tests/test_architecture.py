@@ -18,6 +18,7 @@ NUMERICS = (
     "isocurves",
     "knobs",
     "linear_solver",
+    "matching_energy",
     "metrics",
     "minimize",
     "parametrization",

@@ -4,6 +4,7 @@ from shapes import box_mesh, cantilever, renumbered, turned
 
 from michell_cad.elasticity import StressField, solve_elasticity
 from michell_cad.frame_field import FrameFieldOptions, constant_frames, fit_frame_field, matching_metric
+from michell_cad.matching_energy import add_tets
 from michell_cad.metrics import misalignment, shear_residual
 from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
@@ -20,6 +21,27 @@ def test_matching_metric_by_hand():
     np.testing.assert_allclose(metric[0], Q @ np.diag([10.0, 5.5, 1.0]) @ Q.T, atol=1e-12)
     np.testing.assert_allclose(least, np.sqrt(5.5) + 1)
     np.testing.assert_allclose(matching_metric(-3 * np.eye(3)[None])[0][0], np.eye(3))
+
+
+def test_matching_energy_and_its_gradient():
+    """Eq. 4 written out with whole matrices, and central differences, at large, small and vanishing rotations."""
+    mesh, rng = box_mesh((2, 1, 1)), np.random.default_rng(0)
+    A = rng.normal(size=(len(mesh.tets), 3, 3))
+    A = A @ A.swapaxes(1, 2) + 0.5 * np.eye(3)
+    weights = rng.uniform(0.5, 2, len(mesh.tets))
+
+    def energy(w: np.ndarray) -> float:
+        R = rotation_matrix(w[mesh.tets].mean(1))
+        S = R.swapaxes(1, 2) @ A @ R
+        return float(weights @ (np.sqrt(S[:, 1, 1]) + np.sqrt(S[:, 2, 2])))
+
+    for size in (2.0, 1e-5, 0.0):
+        w = size * rng.normal(size=mesh.vertices.shape)
+        gradient = np.zeros_like(w)
+        assert add_tets(mesh.tets, weights, A, w, gradient) == pytest.approx(energy(w), rel=1e-12)
+        direction = rng.normal(size=w.shape)
+        numeric = (energy(w + 1e-6 * direction) - energy(w - 1e-6 * direction)) / 2e-6
+        assert np.vdot(gradient, direction) == pytest.approx(numeric, rel=1e-6)
 
 
 def test_constant_stress_gives_its_principal_frame():
