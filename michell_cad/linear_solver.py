@@ -5,6 +5,7 @@ which.
 """
 
 import copy
+import os
 import time
 from functools import cache
 from typing import Any, Protocol, runtime_checkable
@@ -12,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from threadpoolctl import ThreadpoolController
 
 from michell_cad.errors import ConvergenceError
 
@@ -19,6 +21,9 @@ try:
     from pypardiso.pardiso_wrapper import PyPardisoError, PyPardisoSolver
 except ModuleNotFoundError:  # no wheel for this platform, see pyproject.toml
     PyPardisoSolver = None
+
+PARALLEL_UNKNOWNS = 200_000
+"""Systems of at least this many unknowns are factorised by all processors; smaller ones take under a second by one."""
 
 _POSITIVE_DEFINITE = 2
 """Pardiso's matrix type `mtype` for real symmetric positive definite matrices."""
@@ -45,10 +50,13 @@ class _PardisoFactor:
         self._upper = sp.csr_matrix(sp.triu(A, format="csr"))
         self._upper.sort_indices()
         self._solver.set_phase(_ANALYSE_AND_FACTORISE)
+        _mkl_threads(None if self._upper.get_shape()[0] >= PARALLEL_UNKNOWNS else 1)
         try:
             self._solver._call_pardiso(self._upper, np.zeros((self._upper.get_shape()[0], 1)))
         except PyPardisoError as error:
             raise ConvergenceError(_not_definite(str(error))) from error
+        finally:
+            _mkl_threads(1)
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         self._solver.set_phase(_SOLVE)
@@ -69,7 +77,18 @@ class _PardisoFactor:
 @cache
 def _pardiso_template() -> Any:
     assert PyPardisoSolver is not None  # factorise asks before
-    return PyPardisoSolver(mtype=_POSITIVE_DEFINITE)
+    template = PyPardisoSolver(mtype=_POSITIVE_DEFINITE)
+    _mkl_threads(1)
+    return template
+
+
+def _mkl_threads(count: int | None) -> None:
+    """Set the number of MKL's threads (None: one for each processor).
+
+    One for all solves: they are memory-bound and short, and threads that wait for each other between them cost ten
+    times their work as soon as anything else runs on the machine.
+    """
+    ThreadpoolController().select(internal_api="mkl").limit(limits=count or os.cpu_count())
 
 
 class _SuperLUFactor:

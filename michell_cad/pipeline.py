@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from michell_cad.arrays import require
 from michell_cad.elasticity import ElasticityOptions, StressField, solve_elasticity
@@ -84,6 +85,7 @@ class Design:
     times: tuple[StageTime, ...]
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # vectors this short only wait for a second thread
 def design(
     problem: DesignProblem,
     options: DesignOptions | None = None,
