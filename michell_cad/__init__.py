@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
-    from michell_cad.delivery import deliver_job
+    from michell_cad.delivery import deliver_job, design_options
     from michell_cad.design_file import load_design, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
     from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
@@ -43,6 +43,7 @@ _HOME = {
     "build_solid": "cad",
     "deliver_job": "delivery",
     "design": "pipeline",
+    "design_options": "delivery",
     "export_step": "cad",
     "export_stl": "cad",
     "load_design": "design_file",
@@ -75,6 +76,7 @@ __all__ = [
     "build_solid",
     "deliver_job",
     "design",
+    "design_options",
     "export_step",
     "export_stl",
     "load_design",

@@ -81,7 +81,7 @@ def save_design(path: Path, design: Design, knobs: Knobs) -> None:
         np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
 
 
-def load_design(path: Path) -> tuple[Design, Knobs]:
+def load_design(path: str | Path) -> tuple[Design, Knobs]:
     """Read a design file back: the design, with nothing computed again, and its knobs.
 
     Raises
@@ -89,6 +89,7 @@ def load_design(path: Path) -> tuple[Design, Knobs]:
     InvalidInputError
         If the file is missing, cut short, no design file, or written by a newer version.
     """
+    path = Path(path)
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}

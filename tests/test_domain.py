@@ -21,8 +21,9 @@ from michell_cad.domain import (
 )
 from michell_cad.domain.refine import refine_surface
 from michell_cad.domain.surface_checks import crossing_triangles
-from michell_cad.domain.tet_meshing import mesh_outline, tet_quality, wall_thickness
+from michell_cad.domain.tet_meshing import classify_triangles, mesh_outline, tet_quality, wall_thickness
 from michell_cad.errors import InvalidInputError
+from michell_cad.tet_mesh import TetMesh
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -96,6 +97,19 @@ def test_mesh_is_one_sound_solid(plate):
     assert V - E + F == -2
     assert 2 * E == 3 * F
     assert plate.mesh.median_edge == pytest.approx(4.0, rel=0.35)
+
+
+def test_triangles_belong_to_the_face_that_points_their_way():
+    """The mesh of a thin plate, lifted so far that its underside is nearer to the plate's upper side."""
+    plate = trimesh.creation.box((10, 10, 0.2))
+    surface = outline_from_triangles(plate.vertices, plate.faces).surface
+    mesh = box_mesh((5, 5, 1), (10.0, 10.0, 0.2))
+    lifted = TetMesh(mesh.vertices + [-5, -5, 0.05], mesh.tets)
+    labels = classify_triangles(lifted, surface)
+    up = lifted.boundary_area_vectors[:, 2]
+    for sign in (-1, 1):
+        face = surface.face_numbers[np.argmax(sign * surface.area_vectors[:, 2])]
+        assert (labels[sign * up > 1] == face).all()
 
 
 def test_mesher_leaves_nothing_behind(tmp_path, monkeypatch, capfd):

@@ -53,7 +53,7 @@ class Centerlines:
             t * (t - 1) * (t - 2) / 6,
         )
         rows = np.arange(n_m)[:, None]
-        return sum(w[..., None] * self.points[rows, first + i] for i, w in enumerate(weights))
+        return np.sum([w[..., None] * self.points[rows, first + i] for i, w in enumerate(weights)], axis=0)
 
 
 def sample_splines(splines: MemberSplines) -> Centerlines:
@@ -62,9 +62,7 @@ def sample_splines(splines: MemberSplines) -> Centerlines:
     return Centerlines(splines.positions(np.linspace(0, 1, SAMPLES)), ends * np.array([1.0, -1.0])[:, None])
 
 
-def straight_centerlines(
-    nodes: Float[np.ndarray, "n_n 3"], members: Int[np.ndarray, "n_m 2"]
-) -> Centerlines:
+def straight_centerlines(nodes: Float[np.ndarray, "n_n 3"], members: Int[np.ndarray, "n_m 2"]) -> Centerlines:
     """Centre lines that are the straight chords between the nodes."""
     a, b = nodes[members[:, 0]], nodes[members[:, 1]]
     s = np.linspace(0, 1, SAMPLES)[:, None]

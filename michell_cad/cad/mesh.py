@@ -16,7 +16,6 @@ from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.sphere_mesh import match_volume, triangulate_sphere
 from michell_cad.cad.tubes import SECTIONS
-from michell_cad.errors import GeometryKernelError
 
 SEGMENTS = 24
 """Sides of the polygons."""
@@ -55,13 +54,19 @@ class TrussMesh:
         return float(np.einsum("td,td->", a, np.cross(b, c)) / 6)
 
     @cached_property
+    def open_triangles(self) -> Int[np.ndarray, " k"]:
+        """Triangles with an edge that has not exactly two triangles, which run along it in opposite directions."""
+        t, n = self.triangles, len(self.vertices)
+        edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+        code, back = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
+        values, place, count = np.unique(code, return_inverse=True, return_counts=True)
+        good = (count[place.ravel()] == 1) & np.isin(back, values)
+        return np.flatnonzero(~good.reshape(3, -1).all(0))
+
+    @cached_property
     def is_watertight(self) -> bool:
         """Whether every edge has exactly two triangles, which run along it in opposite directions."""
-        t = self.triangles
-        edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-        code = edges[:, 0] * len(self.vertices) + edges[:, 1]
-        back = edges[:, 1] * len(self.vertices) + edges[:, 0]
-        return bool(len(np.unique(code)) == len(code) and np.array_equal(np.sort(code), np.sort(back)))
+        return not len(self.open_triangles)
 
     @cached_property
     def euler_number(self) -> int:
@@ -102,10 +107,10 @@ def mesh_truss(prepared: PreparedTruss, segments: int = SEGMENTS) -> TrussMesh:
     prepared : PreparedTruss
     segments : sides of the polygon that stands for a circle, at least 8.
 
-    Raises
-    ------
-    GeometryKernelError
-        If the mesh is not watertight.
+    Returns
+    -------
+    TrussMesh
+        Watertight, unless circles of some node touch each other; `build_solid` checks it and helps such nodes.
     """
     require(segments >= FEWEST_SEGMENTS, f"segments must be at least {FEWEST_SEGMENTS}, found {segments}")
     mesh, p = _Mesh(), prepared
@@ -121,15 +126,12 @@ def mesh_truss(prepared: PreparedTruss, segments: int = SEGMENTS) -> TrussMesh:
     sphere_ring = _add_fillets(mesh, p, tube_ring, around, area)
     outlines = {i: _add_mitre(mesh, p, i, tube_ring, angles, around) for i in p.mitres}
     _add_spheres(mesh, p, sphere_ring, around, outlines)
-    result = TrussMesh(
+    return TrussMesh(
         np.concatenate(mesh.points),
         np.concatenate(mesh.triangles),
         np.concatenate(mesh.roles),
         np.concatenate(mesh.owners),
     )
-    if not result.is_watertight:
-        raise GeometryKernelError("the direct mesh is not watertight: some node's circles touch each other")
-    return result
 
 
 def _bands(rings: np.ndarray) -> np.ndarray:
@@ -178,7 +180,7 @@ class _Outline:
 
     vertices: np.ndarray
     points: np.ndarray
-    corner: np.ndarray
+    arcs: np.ndarray
     area: float
     loops: int
 
@@ -192,7 +194,7 @@ def _add_mitre(mesh, p, i: int, tube_ring, angles, around) -> _Outline:
     lines: dict[tuple, np.ndarray] = {}
     step = TURN / len(angles)
     on_sphere: dict[int, np.ndarray] = {}
-    sphere_corner: set[int] = set()
+    arcs: list[np.ndarray] = []
     for k, e in enumerate(ends):
         r, d, N = p.sizes.end_radius[e], p.directions[e], p.normals[e]
         B, H = np.cross(d, N), p.sizes.radius[i] * np.cos(p.caps[e])
@@ -224,14 +226,14 @@ def _add_mitre(mesh, p, i: int, tube_ring, angles, around) -> _Outline:
                 for c in (piece.first, piece.last):
                     on_sphere[int(corners[c])] = mitre.corners[c]
                 on_sphere.update((int(v), used[int(v)]) for v in inner_line)
-                sphere_corner |= {int(corners[piece.first]), int(corners[piece.last])}
+                chain = np.concatenate([[corners[piece.first]], inner_line, [corners[piece.last]]])
+                arcs.append(np.stack([chain[:-1], chain[1:]], axis=1))
         bottom_u, bottom = np.concatenate(path_u), np.concatenate(path_v)
         mesh.add_triangles(_zip_rings(bottom_u, bottom, angles, tube_ring[e]), FaceRole.MITRE, int(e))
     vertices = np.array(list(on_sphere), int)
     points = np.array(list(on_sphere.values())).reshape(-1, 3)
-    corner = np.isin(vertices, list(sphere_corner))
     area, loops = _mitre_area(p, i)
-    return _Outline(vertices, points, corner, area, loops)
+    return _Outline(vertices, points, np.concatenate([np.zeros((0, 2), int), *arcs]), area, loops)
 
 
 def _zip_rings(u_a: np.ndarray, a: np.ndarray, u_b: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -264,7 +266,7 @@ def _mitre_area(p: PreparedTruss, i: int) -> tuple[float, int]:
     for k, e in enumerate(node.ends):
         for piece in node.mitre.pieces[k]:
             if piece.neighbour == SPHERE:
-                total += np.cos(p.caps[e]) * (piece.stop - piece.start)
+                total += float(np.cos(p.caps[e]) * (piece.stop - piece.start))
                 d = p.directions[e]
                 starts[piece.first] = -np.cross(d, node.mitre.corners[piece.first])
                 stops[piece.last] = -np.cross(d, node.mitre.corners[piece.last])
@@ -273,7 +275,7 @@ def _mitre_area(p: PreparedTruss, i: int) -> tuple[float, int]:
         # Against the direction of the arcs: along the arc that starts here, then along the one that stops here.
         leaving = stops[c]
         normal = node.mitre.corners[c] / np.linalg.norm(node.mitre.corners[c])
-        total -= np.arctan2(np.cross(arriving, leaving) @ normal, arriving @ leaving)
+        total -= float(np.arctan2(np.cross(arriving, leaving) @ normal, arriving @ leaving))
     loops = 0
     while following:
         loops += 1
@@ -300,20 +302,23 @@ def _add_spheres(mesh: _Mesh, p: PreparedTruss, sphere_ring, around, outlines) -
         d = p.directions[plain, None]
         unit = cosine[plain, None, None] * d + sine[plain, None, None] * around[plain]
         boundary, ids = [unit.reshape(-1, 3)], [sphere_ring[plain].ravel()]
-        corner = np.zeros(sphere_ring[plain].size, bool)
+        arcs = None
         solid_angle, euler = 2 * np.pi * (2.0 - len(plain)) + (TURN * cosine[plain]).sum(), 0
         if i in outlines:
             outline = outlines[i]
             boundary.append(outline.points / np.linalg.norm(outline.points, axis=1, keepdims=True))
             ids.append(outline.vertices)
-            corner = np.concatenate([corner, outline.corner])
+            rings = sphere_ring[plain]
+            circles = np.stack([rings, np.roll(rings, -1, axis=1)], axis=-1).reshape(-1, 2)
+            arcs = np.concatenate([circles, outline.arcs])
             solid_angle += outline.area
             euler = outline.loops
         solid_angle -= 2 * np.pi * euler
-        inner, triangles = triangulate_sphere(
-            np.concatenate(boundary), corner, p.directions[ends], p.caps[ends]
-        )
         ids = np.concatenate(ids)
+        if arcs is not None:
+            place = np.argsort(ids, kind="stable")
+            arcs = place[np.searchsorted(ids, arcs, sorter=place)]
+        inner, triangles = triangulate_sphere(np.concatenate(boundary), p.directions[ends], p.caps[ends], arcs)
         points = np.concatenate([all_points[ids] - X[i], R * inner])
         is_inner = np.arange(len(points)) >= len(ids)
         factor = match_volume(points, triangles, is_inner, R**3 * solid_angle / 3) if len(inner) else 1.0

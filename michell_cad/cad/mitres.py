@@ -1,15 +1,17 @@
 """Mitred members of one node: where their equal tubes cut each other and the sphere of the node.
 
-All mitred members of a node have the same radius r, and their axes run through the node. A point of the surface of their
-union belongs to the member whose direction is nearest, so that member e, at the angle u around its axis, begins at
+All mitred members of a node have the same radius r, and their axes run through the node. A point of the surface of
+their union belongs to the member whose direction is nearest, so that member e, at the angle u around its axis, begins
+at
     v(u) = max(H, max_j r / tan(alpha_ej / 2) cos(u - u_j)),
 H = sqrt(R^2 - r^2), where alpha_ej is the angle to member j and u_j the angle around e at which j lies. The pieces of
 this envelope are arcs of the circle in which the tube leaves the sphere, and arcs of the ellipse in the plane that
-bisects e and j: with b the bisector and w the common normal of both, x = r / sin(alpha / 2) cos(t) b + r sin(t) w, where
-t = u - u_j seen from the one member and t = -(u - u_j) from the other.
+bisects e and j: with b the bisector and w the common normal of both, x = r / sin(alpha / 2) cos(t) b + r sin(t) w,
+where t = u - u_j seen from the one member and t = -(u - u_j) from the other.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -97,8 +99,10 @@ def cut_mitre(
     return Mitre(np.array(corners), pieces)
 
 
-def tip_coefficients(e: int, directions: np.ndarray, normals: np.ndarray, binormals: np.ndarray, r: float):
-    """Coefficients a, b of v = a cos u + b sin u on the planes that bisect end e and each of the others; 0 for itself."""
+def _bisectors(
+    e: int, directions: np.ndarray, normals: np.ndarray, binormals: np.ndarray, r: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients of v = a cos u + b sin u on the planes that bisect end e and each of the others; 0 for itself."""
     alpha = angles_between(directions[e], directions)
     toward = directions - (directions @ directions[e])[:, None] * directions[e]
     around = np.arctan2(toward @ binormals[e], toward @ normals[e])
@@ -110,13 +114,13 @@ def tip_coefficients(e: int, directions: np.ndarray, normals: np.ndarray, binorm
 def _height(u, neighbour, e, directions, normals, binormals, H, r):
     if neighbour == SPHERE:
         return H
-    a, b = tip_coefficients(e, directions, normals, binormals, r)
+    a, b = _bisectors(e, directions, normals, binormals, r)
     return a[neighbour] * np.cos(u) + b[neighbour] * np.sin(u)
 
 
 def _envelope(e, directions, normals, binormals, H, r) -> list[tuple[float, int]]:
     """Breakpoints of the envelope around end e: (angle, neighbour from there on), ascending; empty if all sphere."""
-    a, b = tip_coefficients(e, directions, normals, binormals, r)
+    a, b = _bisectors(e, directions, normals, binormals, r)
     size = np.hypot(a, b)
     rivals = [int(j) for j in np.flatnonzero(size > H) if j != e]
     angles: list[float] = []
@@ -163,7 +167,7 @@ def _close_paths(paths, breaks, directions, normals, binormals, H, r, corners):
                 where = np.mod(np.arctan2(foot @ binormals[e], foot @ normals[e]), 2 * np.pi)
                 marks.append((where if where > u else where + 2 * np.pi, zero[j]))
             marks.sort()
-            for (u_0, c_0), (u_1, c_1) in zip(marks[:-1], marks[1:], strict=True):
+            for (u_0, c_0), (u_1, c_1) in pairwise(marks):
                 shift = 2 * np.pi if u_0 >= 2 * np.pi else 0.0
                 pieces.append(Piece(e, j, u_0 - shift, u_1 - shift, c_0, c_1))
         result.append(tuple(sorted(pieces, key=lambda piece: piece.start)))

@@ -2,14 +2,15 @@
 
 At a node with a sphere of radius R, a member of radius r with a fillet of radius f takes a cap of half-angle
 a = asin((r + f) / (R + f)); its tube begins at the distance H = sqrt((R + f)^2 - (r + f)^2) along its direction, where
-the torus that a ball of radius f rolls between sphere and tube ends. Two members at an angle alpha leave side by side if
-alpha >= a_1 + a_2 + `MARGIN`. Otherwise, in this order:
+the torus that a ball of radius f rolls between sphere and tube ends. Two members at an angle alpha leave side by side
+if alpha >= a_1 + a_2 + `MARGIN`. Otherwise, in this order:
 
 1. R grows up to `Level.largest_ratio` times the largest radius at the node;
 2. the fillets of the two members shrink (`FILLET_STEPS`);
-3. the two members are mitred: both get the same radius r (the largest of the mitred ones there) and no fillet, and their tubes are cut by the plane that
-   bisects their directions, along an ellipse whose tip lies r / tan(alpha / 2) from the node. Since of several equal
-   tubes through one point the one whose direction is nearest bounds their union, any number of members can be mitred.
+3. the two members are mitred: both get the same radius r (the largest of the mitred ones there) and no fillet, and
+   their tubes are cut by the plane that bisects their directions, along an ellipse whose tip lies r / tan(alpha / 2)
+   from the node. Of several equal tubes through one point, the one whose direction is nearest bounds their union, so
+   that any number of members can be mitred.
 
 The mitre replaces a boolean union of the members of that node: it is exact, and as fast as all the rest.
 """
@@ -70,7 +71,7 @@ class NodeSizes:
     radius : (n_n,) float, mm, R of the sphere.
     end_radius : (n_e,) float, mm, r of the tube where it leaves the node: larger than wanted at some mitred ends.
     fillet : (n_e,) float, mm, f.
-    reach : (n_e,) float, mm, distance along the direction of the end at which the tube begins; inf where no sphere fits.
+    reach : (n_e,) float, mm, distance along the direction of the end at which the tube begins; inf if no sphere fits.
     mitred : (n_e,) bool.
     rival : (n_e,) int, the mitred end that decides the reach; -1 if the sphere does.
     """
@@ -101,7 +102,7 @@ def end_pairs(node_of_end: Int[np.ndarray, " n_e"]) -> tuple[Int[np.ndarray, " n
     return np.concatenate(first), np.concatenate(second)
 
 
-def angles_between(a: Float[np.ndarray, "n 3"], b: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+def angles_between(a: Float[np.ndarray, "*i 3"], b: Float[np.ndarray, "*j 3"]) -> Float[np.ndarray, "*k"]:
     """Angles between unit vectors, accurate near 0 and near pi."""
     return 2 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
 
@@ -176,7 +177,7 @@ def size_nodes(
     return NodeSizes(R, r, f, reach, mitred, rival)
 
 
-def cap_angle(R: np.ndarray, r: np.ndarray, f: np.ndarray) -> np.ndarray:
+def cap_angle(R: np.ndarray | float, r: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Half-angle of the cap that a member takes from the sphere, fillet included."""
     return np.arcsin(np.minimum((r + f) / (R + f), 1.0))
 
@@ -226,5 +227,5 @@ def _settle(R, first, second, angle, r, f, mitred):
     for candidate in np.concatenate([np.linspace(R, SETTLE * R, 60), np.linspace(R, lowest, 60)]):
         total = cap_angle(candidate, r[first], f[first]) + cap_angle(candidate, r[second], f[second])
         if ((total + MARGIN <= angle) | (both & (total - OVERLAP >= angle))).all():
-            return candidate
+            return float(candidate)
     return np.inf

@@ -12,15 +12,16 @@ starts again:
 A tube that would bend more sharply than its radius gets straight ends along its chord.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from michell_cad.cad.centerlines import Centerlines, sample_splines, straight_centerlines
+from michell_cad.cad.clearance import resolve_crossings
 from michell_cad.cad.mitres import Mitre, corner_angles, cut_mitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle, node_levels, size_nodes
-from michell_cad.cad.prepared import NodeMitre, PreparedTruss
+from michell_cad.cad.prepared import Changes, NodeMitre, PreparedTruss
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.cad.spheres import Seam, place_seam, renumber_cuts
 from michell_cad.cad.tubes import Tubes, fit_tubes, pinched_tubes
@@ -52,6 +53,9 @@ MOST_NUDGES = 4
 GROWTH, MOST_GROWTH = 1.12, 2.0
 """A sphere without room for its seam grows by this factor, at most to this multiple (relative)."""
 
+SHAKE = 1.06
+"""Spheres of nodes that the kernel finds faulty grow by this factor (relative)."""
+
 CLOSE = 0.35
 """Far ends of near-parallel members are merged if nearer than this (relative to the shorter member)."""
 
@@ -70,22 +74,16 @@ class _Attempt:
     straight: np.ndarray
     nudges: np.ndarray
     growth: np.ndarray
+    memo: dict[bytes, tuple[Mitre | None, Seam | None]]
     trouble: dict[str, set[int]] = field(default_factory=lambda: {"members": set(), "nodes": set()})
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """A successful attempt."""
-
-    lines: Centerlines
-    sizes: NodeSizes
-    tubes: Tubes
-    mitres: dict[int, NodeMitre]
-    seams: dict[int, Seam]
-
-
 def prepare_truss(
-    sized: SizedTruss, knobs: Knobs, progress: Callable[[float], None] | None = None
+    sized: SizedTruss,
+    knobs: Knobs,
+    progress: Callable[[float], None] | None = None,
+    previous: PreparedTruss | None = None,
+    shaken: Sequence[int] = (),
 ) -> PreparedTruss:
     """Place everything that the shell consists of, changing the truss where it cannot be built.
 
@@ -94,45 +92,48 @@ def prepare_truss(
     sized : the truss with its radii.
     knobs : node_ratio and fillet_ratio are used.
     progress : told the fraction of the work done.
+    previous, shaken : to go on from an earlier result in which these nodes came out invalid: their spheres grow a bit.
 
     Raises
     ------
     GeometryKernelError
         If no change makes the truss buildable; names curves and a radius that works.
     """
-    current = sized
-    merged_nodes = rerouted = 0
-    touched = np.zeros(len(sized.truss.nodes), bool)
+    current = sized if previous is None else previous.sized
+    n_n = len(current.truss.nodes)
+    changes = Changes(np.zeros(n_n, bool), 0, 0, len(sized.truss.members)) if previous is None else previous.changes
+    growth = np.ones(n_n) if previous is None else np.array(previous.growth)
+    growth[list(shaken)] *= SHAKE
+    memo: dict[bytes, tuple[Mitre | None, Seam | None]] = {}
     for round_number in range(MAX_ROUNDS):
-        attempt = _start(current, knobs)
-        placed = _place(attempt)
-        if placed is not None:
-            if progress is not None:
-                progress(1.0)
-            return _describe(sized, attempt, placed, touched, merged_nodes, rerouted)
-        merges, detours = _choose_changes(attempt, round_number < DETOUR_ROUNDS)
+        attempt = _start(current, knobs, growth, memo)
+        prepared = _place(attempt, changes)
+        if prepared is not None:
+            merges, detours = resolve_crossings(prepared) if round_number < DETOUR_ROUNDS else ([], [])
+            if not (merges or detours):
+                return prepared
+        else:
+            merges, detours = _choose_changes(attempt, round_number < DETOUR_ROUNDS)
         current, number = simplify_truss(current, merges, detours)
         if not len(current.truss.members):
             break
-        hit = np.zeros(len(number), bool)
-        hit[: len(touched)] = touched
-        hit[[i for pair in merges for i in pair] + [j for _, j in detours]] = True
-        touched = np.zeros(len(current.truss.nodes), bool)
-        touched[number[hit & (number >= 0)]] = True
-        merged_nodes, rerouted = merged_nodes + len(merges), rerouted + len(detours)
+        changes = changes.after(merges, detours, number, len(current.truss.nodes))
+        old, growth = growth, np.ones(len(current.truss.nodes))
+        growth[number[number >= 0]] = old[number >= 0]
+        if progress is not None:
+            progress((round_number + 1) / MAX_ROUNDS)
     raise GeometryKernelError(_explain_failure(sized, knobs))
 
 
-def _start(sized: SizedTruss, knobs: Knobs) -> _Attempt:
+def _start(sized: SizedTruss, knobs: Knobs, growth: np.ndarray, memo: dict) -> _Attempt:
     truss = sized.truss
     n_n, n_m = len(truss.nodes), len(truss.members)
     lines = sample_splines(fit_splines(truss))
-    return _Attempt(
-        sized, knobs, lines, np.zeros(n_n, int), np.zeros(n_m, bool), np.zeros(n_n, int), np.ones(n_n)
-    )
+    level, straight, nudges = np.zeros(n_n, int), np.zeros(n_m, bool), np.zeros(n_n, int)
+    return _Attempt(sized, knobs, lines, level, straight, nudges, growth.copy(), memo)
 
 
-def _place(attempt: _Attempt) -> _Placed | None:
+def _place(attempt: _Attempt, changes: Changes) -> PreparedTruss | None:
     """Try until everything is placed; None if some members or nodes are beyond help (`attempt.trouble`)."""
     last = len(node_levels(attempt.knobs.node_ratio)) - 1
     for _ in range(MAX_TRIES):
@@ -158,10 +159,9 @@ def _place(attempt: _Attempt) -> _Placed | None:
             continue
         attempt.trouble["members"] |= set(np.flatnonzero(stuck).tolist())
         tubes = _turn_seams(attempt, lines, sizes, tubes)
-        mitres, failed_mitres = _cut_mitres(attempt, lines, sizes, tubes)
-        seams, failed_seams = _place_seams(attempt, lines, sizes, tubes, mitres)
+        mitres, seams, failed_mitres, failed_seams = _place_nodes(attempt, lines, sizes, tubes)
         if not (failed_mitres or failed_seams or attempt.trouble["members"]):
-            return _Placed(lines, sizes, tubes, mitres, seams)
+            return _describe(attempt, changes, lines, sizes, tubes, mitres, seams)
         _help_nodes(attempt, failed_mitres, failed_seams)
         if attempt.trouble["members"] or attempt.trouble["nodes"]:
             return None
@@ -214,7 +214,7 @@ def _raise_levels(attempt: _Attempt, members: np.ndarray, last: int) -> int:
 
 
 def _straighten(attempt: _Attempt, sizes: NodeSizes, stuck: np.ndarray) -> bool:
-    """Make members without room and their rivals straight: tangents may be more acute than chords. Whether any was not."""
+    """Make members without room, and their rivals, straight: tangents may be more acute than chords. Whether any is."""
     rivals = sizes.rival.reshape(-1, 2)[stuck]
     members = np.union1d(np.flatnonzero(stuck), rivals[rivals >= 0] // 2)
     members = members[~attempt.straight[members]]
@@ -248,7 +248,7 @@ def _turn_seams(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes: 
     clear: dict[int, np.ndarray] = {}
     for i, ends in _mitred_ends(attempt, sizes).items():
         for k, e in enumerate(ends):
-            u = corner_angles(k, d[ends], normals[e], sizes.radius[i], sizes.end_radius[e])
+            u = corner_angles(k, d[ends], normals[e], float(sizes.radius[i]), float(sizes.end_radius[e]))
             if len(u):
                 # Turning the member forward turns the frame at its second end backward, seen from that node.
                 off = u[:, None] - (PHASES if e % 2 == 0 else -PHASES)
@@ -263,53 +263,55 @@ def _turn_seams(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes: 
     return _fit(attempt, lines, sizes, phase)
 
 
-def _cut_mitres(attempt, lines, sizes, tubes) -> tuple[dict[int, NodeMitre], list[int]]:
-    d = lines.directions.reshape(-1, 3)
-    normals = tubes.frames[:, [0, -1], 0].reshape(-1, 3)
-    mitres: dict[int, NodeMitre] = {}
-    failed = []
-    for i, ends in _mitred_ends(attempt, sizes).items():
-        mitre = cut_mitre(d[ends], normals[ends], sizes.radius[i], sizes.end_radius[ends[0]])
-        if mitre is None:
-            failed.append(i)
-        else:
-            mitres[i] = NodeMitre(ends, mitre)
-    return mitres, failed
-
-
-def _place_seams(attempt, lines, sizes, tubes, mitres) -> tuple[dict[int, Seam], list[int]]:
+def _place_nodes(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes: Tubes):
+    """Mitres and seams of all nodes, and the nodes where there is none. Nodes that were seen before are looked up."""
     node = attempt.sized.truss.members.ravel()
     d = lines.directions.reshape(-1, 3)
     normals = tubes.frames[:, [0, -1], 0].reshape(-1, 3)
     a = cap_angle(sizes.radius[node], sizes.end_radius, sizes.fillet)
+    fingerprint = np.column_stack([d, normals, sizes.end_radius, sizes.fillet, sizes.mitred, sizes.radius[node]])
     order = np.argsort(node, kind="stable")
     nodes, starts = np.unique(node[order], return_index=True)
+    mitres: dict[int, NodeMitre] = {}
     seams: dict[int, Seam] = {}
-    failed = []
-    zero = np.zeros(1)
+    failed_mitres, failed_seams = [], []
     for i, ends in zip(nodes.tolist(), np.split(order, starts[1:]), strict=True):
-        groups, vertices = np.arange(len(ends)), [zero] * len(ends)
-        if i in mitres:
-            groups, vertices = _loops(ends, mitres[i])
-        seam = place_seam(d[ends], a[ends], groups, normals[ends], vertices)
-        if seam is None:
-            failed.append(i)
+        key = fingerprint[ends].tobytes()
+        if key not in attempt.memo:
+            attempt.memo[key] = _place_node(d[ends], normals[ends], a[ends], ends, sizes, float(sizes.radius[i]))
+        mitre, seam = attempt.memo[key]
+        mitred = ends[sizes.mitred[ends]]
+        if len(mitred) and mitre is None:
+            failed_mitres.append(i)
+        elif seam is None:
+            failed_seams.append(i)
         else:
             seams[i] = renumber_cuts(seam, ends)
-    return seams, failed
+            if mitre is not None:
+                mitres[i] = NodeMitre(mitred, mitre)
+    return mitres, seams, failed_mitres, failed_seams
 
 
-def _loops(ends: np.ndarray, mitred: NodeMitre) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Which caps of a node overlap, directly or not, and the vertices on each circle."""
-    place = {int(e): k for k, e in enumerate(ends)}
+def _place_node(d, normals, a, ends, sizes, R: float) -> tuple[Mitre | None, Seam | None]:
+    mitred = np.flatnonzero(sizes.mitred[ends])
+    mitre = None
     groups, vertices = np.arange(len(ends)), [np.zeros(1)] * len(ends)
-    for k, path in enumerate(mitred.mitre.pieces):
-        mine = place[int(mitred.ends[k])]
-        vertices[mine] = np.array([piece.start for piece in path])
+    if len(mitred):
+        mitre = cut_mitre(d[mitred], normals[mitred], R, float(sizes.end_radius[ends[mitred[0]]]))
+        if mitre is None:
+            return None, None
+        groups, vertices = _loops(len(ends), mitred, mitre)
+    return mitre, place_seam(d, a, groups, normals, vertices)
+
+
+def _loops(n: int, mitred: np.ndarray, mitre: Mitre) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Which of the n caps of a node overlap, directly or not, and the vertices on each circle."""
+    groups, vertices = np.arange(n), [np.zeros(1)] * n
+    for k, path in enumerate(mitre.pieces):
+        vertices[mitred[k]] = np.array([piece.start for piece in path])
         for piece in path:
             if piece.neighbour >= 0:
-                other = place[int(mitred.ends[piece.neighbour])]
-                groups[groups == groups[other]] = groups[mine]
+                groups[groups == groups[mitred[piece.neighbour]]] = groups[mitred[k]]
     return groups, vertices
 
 
@@ -373,56 +375,61 @@ def _change_for(m: int, truss: Truss, sizes: NodeSizes, may_detour: bool) -> tup
     return "detour", (m, far_other)
 
 
-def _describe(sized, attempt, placed, touched, merged_nodes, rerouted) -> PreparedTruss:
-    truss, sizes = attempt.sized.truss, placed.sizes
+def _describe(attempt: _Attempt, changes: Changes, lines, sizes, tubes, mitres, seams) -> PreparedTruss:
+    truss, knobs = attempt.sized.truss, attempt.knobs
     widest = np.zeros(len(truss.nodes))
     np.maximum.at(widest, truss.members.ravel(), sizes.end_radius)
     used = widest > 0
-    mitred = np.isin(np.arange(len(truss.nodes)), list(placed.mitres))
-    raised = used & ~mitred & (sizes.radius > 1.001 * attempt.knobs.node_ratio * widest)
-    wanted = attempt.knobs.fillet_ratio * sizes.end_radius
-    smaller = np.zeros(len(truss.nodes), bool)
-    smaller[truss.members.ravel()[sizes.fillet < 0.999 * wanted]] = True
-    smaller |= used & (sizes.radius < 0.999 * attempt.knobs.node_ratio * widest)
-    fallback = {"mitred": int((mitred & ~touched).sum()), "merged": int((touched & used).sum())}
-    removed = len(sized.truss.members) - len(truss.members)
-    messages = _messages(sizes, attempt, fallback, merged_nodes, rerouted, removed)
+    mitred = np.zeros(len(truss.nodes), bool)
+    mitred[list(mitres)] = True
+    smaller = used & (sizes.radius < 0.999 * knobs.node_ratio * widest)
+    smaller[truss.members.ravel()[sizes.fillet < 0.999 * knobs.fillet_ratio * sizes.end_radius]] = True
+    counts = {"mitred": mitred & ~changes.touched, "merged": changes.touched & used}
+    fallback = {kind: int(mask.sum()) for kind, mask in counts.items() if mask.any()}
     return PreparedTruss(
         sized=attempt.sized,
-        centerlines=placed.lines,
+        design=attempt.lines,
+        centerlines=lines,
         sizes=sizes,
-        tubes=placed.tubes,
-        mitres=placed.mitres,
-        seams=placed.seams,
-        fallback_nodes={kind: n for kind, n in fallback.items() if n},
-        raised_nodes=int(raised.sum()),
+        tubes=tubes,
+        mitres=mitres,
+        seams=seams,
+        changes=changes,
+        growth=attempt.growth,
+        fallback_nodes=fallback,
+        raised_nodes=int((used & ~mitred & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),
         reduced_nodes=int((smaller & ~mitred).sum()),
-        merged_members=removed,
-        messages=messages,
+        straightened_members=int(attempt.straight.sum()),
+        messages=_messages(attempt, changes, sizes, int(mitred.sum())),
     )
 
 
-def _messages(sizes, attempt, fallback, merged_nodes, rerouted, removed) -> tuple[str, ...]:
+def _messages(attempt: _Attempt, changes: Changes, sizes: NodeSizes, mitred: int) -> tuple[str, ...]:
     lines = []
-    if fallback["mitred"]:
+    if mitred:
         lines.append(
-            f"{fallback['mitred']} nodes have members at angles too acute for side-by-side fillets: "
+            f"{mitred} nodes have members at angles too acute for side-by-side fillets: "
             f"{int(sizes.mitred.sum())} ends are mitred there, without fillet"
         )
-    if merged_nodes:
-        lines.append(f"{merged_nodes} nodes were merged with a neighbour, since the members between them are too short")
-    if rerouted:
-        lines.append(f"{rerouted} members were led through a node beside them, since they run near-parallel to another")
+    if changes.merged_nodes:
+        lines.append(f"{changes.merged_nodes} nodes were merged with another: the members between them are too short")
+    if changes.rerouted_members:
+        lines.append(
+            f"{changes.rerouted_members} members were led through a node beside them, since they overlap another member"
+        )
+    removed = changes.original_members - len(attempt.sized.truss.members)
     if removed:
         lines.append(f"the solid has {removed} members fewer than the truss")
     if attempt.straight.any():
-        lines.append(f"{int(attempt.straight.sum())} members are straight, since their radius is too large for their bend or their angles")
+        lines.append(
+            f"{int(attempt.straight.sum())} members are straight: their radius is too large for their bend or angles"
+        )
     return tuple(lines)
 
 
 def _explain_failure(sized: SizedTruss, knobs: Knobs) -> str:
     """Name the tightest curves, and a radius at which they would have room."""
-    attempt = _start(sized, knobs)
+    attempt = _start(sized, knobs, np.ones(len(sized.truss.nodes)), {})
     sizes = _sizes(attempt, attempt.lines)
     lack = sizes.reach.reshape(-1, 2).sum(1) / sized.truss.lengths
     worst = np.argsort(-lack, kind="stable")[:3]
@@ -431,6 +438,7 @@ def _explain_failure(sized: SizedTruss, knobs: Knobs) -> str:
     finite = lack[np.isfinite(lack)]
     better = radius / max(float(finite.max()) if len(finite) else 2.0, 1.2)
     return (
-        f"the members are too thick for their lengths and angles: no solid could be laid out at radii up to {radius:.4g} mm; "
-        f"the tightest are on {', '.join(sorted(names))}. Use a radius of at most {better:.3g} mm, or fewer curves"
+        "the members are too thick for their lengths and angles: "
+        f"no solid could be laid out at radii up to {radius:.4g} mm; the tightest are "
+        f"on {', '.join(sorted(names))}. Use a radius of at most {better:.3g} mm, or fewer curves"
     )

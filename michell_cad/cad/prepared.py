@@ -1,14 +1,15 @@
 """A sized truss that is ready to be built: spheres, mitres, seams and tubes all placed, as arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
 from michell_cad.cad.mitres import Mitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
@@ -26,35 +27,71 @@ class NodeMitre:
 
 
 @dataclass(frozen=True, eq=False)
+class Changes:
+    """Changes that were made to a truss.
+
+    `touched` (n_n,) bool are the nodes that take part in one, numbered as in the changed truss.
+    """
+
+    touched: Bool[np.ndarray, " n_n"]
+    merged_nodes: int
+    rerouted_members: int
+    original_members: int
+
+    def __post_init__(self) -> None:
+        freeze(self, touched=bool)
+
+    def after(
+        self,
+        merges: Sequence[tuple[int, int]],
+        detours: Sequence[tuple[int, int]],
+        number: Int[np.ndarray, " n_n"],
+        n_nodes: int,
+    ) -> "Changes":
+        """The changes after a further `simplify_truss` with these arguments, which gave the nodes new numbers."""
+        hit = np.array(self.touched)
+        hit[[i for pair in merges for i in pair] + [j for _, j in detours]] = True
+        touched = np.zeros(n_nodes, bool)
+        touched[number[hit & (number >= 0)]] = True
+        merged, rerouted = self.merged_nodes + len(merges), self.rerouted_members + len(detours)
+        return Changes(touched, merged, rerouted, self.original_members)
+
+
+@dataclass(frozen=True, eq=False)
 class PreparedTruss:
     """What `prepare_truss` decided; end 2 m + i is at node i of member m.
 
     Parameters
     ----------
     sized : the truss as it is built: short and near-parallel members may have been merged.
-    centerlines : design curves of its members.
+    design : design curves of its members.
+    centerlines : the same, as they are built: some straight, some with other directions at their nodes.
     sizes : spheres, fillets, mitres.
     tubes : surfaces of the members.
     mitres : per mitred node.
     seams : per node with members.
+    changes : what was changed in the truss itself.
+    growth : (n_n,) float, factors by which the spheres had to grow.
     fallback_nodes : nodes not built by the direct way, by kind.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
-    moved : (k,) int, original nodes that were moved or merged.
-    merged_members : members of the original truss that are gone.
+    straightened_members : members that do not follow their curve, since there is no room for the bend.
     messages : one sentence for every kind of change.
     """
 
     sized: SizedTruss
+    design: Centerlines
     centerlines: Centerlines
     sizes: NodeSizes
     tubes: Tubes
     mitres: Mapping[int, NodeMitre]
     seams: Mapping[int, Seam]
+    changes: Changes
+    growth: Float[np.ndarray, " n_n"]
     fallback_nodes: Mapping[str, int]
     raised_nodes: int
     reduced_nodes: int
-    merged_members: int
+    straightened_members: int
     messages: tuple[str, ...]
 
     @cached_property

@@ -54,6 +54,10 @@ class _Table:
         width = self._widths[name]
         return np.concatenate([np.zeros((0,) if width == 1 else (0, width)), *self._blocks[name]])
 
+    def whole(self, name: str) -> np.ndarray:
+        """A column of whole numbers."""
+        return self[name].astype(np.int64)
+
 
 class _Shell:
     """The tables while they grow."""
@@ -77,17 +81,18 @@ class _Shell:
         self.lines = _Table(origin=2, direction=2)
         self.poles: list[np.ndarray] = []
         self.n_poles = 0
+        # A plain end has one circle for tube and sphere.
+        self.plain = (self.f == 0) & ~self.mitred
+        self.tube_edge = np.full(self.n_e, -1)
+        self.corners: dict[int, np.ndarray] = {}
+        self.widened: tuple[np.ndarray, np.ndarray] = (np.zeros(0, int), np.zeros(0))
 
     def add_edges(self, form, curve, ranges, ends) -> np.ndarray:
-        return self.edges.add(
-            len(ends), form=form, curve=curve, ranges=ranges, ends=ends, tolerance=self.tolerance
-        )
+        return self.edges.add(len(ends), form=form, curve=curve, ranges=ranges, ends=ends, tolerance=self.tolerance)
 
     def run_along(self, face, wire, order, edge, reversed_, form, pcurve) -> None:
         n = len(np.atleast_1d(edge))
-        self.coedges.add(
-            n, face=face, wire=wire, order=order, edge=edge, reversed_=reversed_, form=form, pcurve=pcurve
-        )
+        self.coedges.add(n, face=face, wire=wire, order=order, edge=edge, reversed_=reversed_, form=form, pcurve=pcurve)
 
     def run_line(self, face, order, edge, reversed_, origin, direction) -> None:
         """Coedges in wire 0 whose pcurves are lines."""
@@ -139,10 +144,7 @@ def _lay_circles(s: _Shell) -> None:
         zero=s.N,
         radii=np.stack([rho, rho], axis=1),
     )
-    # A plain end has one circle for tube and sphere.
-    s.plain = (s.f == 0) & ~s.mitred
     own = np.flatnonzero(~s.plain)
-    s.tube_edge = np.full(s.n_e, -1)
     s.tube_edge[own] = s.add_edges(CurveForm.CONIC, own, (0, TURN), np.stack([own, own], axis=1))
 
 
@@ -156,7 +158,6 @@ def _lay_arcs(s: _Shell) -> _Arcs:
     vertex[filleted] = s.points.add(len(filleted), x=on_sphere[filleted])
     end, ranges = [whole], [np.tile([0.0, TURN], (len(whole), 1))]
     ends = [np.stack([vertex[whole], vertex[whole]], axis=1)]
-    s.corners = {}
     for i, node in s.p.mitres.items():
         X = s.p.sized.truss.nodes[i]
         s.corners[i] = s.points.add(len(node.mitre.corners), x=X + node.mitre.corners)
@@ -207,7 +208,7 @@ def _lay_fillets(s: _Shell, arcs: _Arcs) -> None:
     if not n:
         return
     s_of_end = np.full(s.n_e, -1)
-    first = np.array([arcs.of_end(i)[0] for i in e])
+    first = np.array([arcs.of_end(i)[0] for i in e.tolist()])
     s_of_end[e] = arcs.ends[first, 0]
     center = s.X[e] + s.reach[e, None] * s.d[e]
     major, minor = s.r[e] + s.f[e], s.f[e]
@@ -242,7 +243,8 @@ def _lay_mitres(s: _Shell, arcs: _Arcs) -> None:
     """Cylinders from the mitres to the circles of the tubes."""
     for i, node in s.p.mitres.items():
         creases = _lay_creases(s, i)
-        for k, e in enumerate(node.ends):
+        ends = node.ends.tolist()
+        for k, e in enumerate(ends):
             frame = s.frames.add(1, origin=s.X[e], axis=s.d[e], zero=s.N[e], radii=(s.r[e], 0))
             face = s.faces.add(
                 1, form=SurfaceForm.CYLINDER, surface=frame, reversed_=0, role=FaceRole.MITRE, owner=e, node=i
@@ -257,7 +259,7 @@ def _lay_mitres(s: _Shell, arcs: _Arcs) -> None:
                 if piece.neighbour == SPHERE:
                     continue
                 edge, t_range = creases[_crease_key(piece)]
-                middle, size = _rival(s, e, node.ends[piece.neighbour])
+                middle, size = _rival(s, e, ends[piece.neighbour])
                 forward = piece.end < piece.neighbour
                 sign = 1.0 if forward else -1.0
                 # The angle is middle + sign t, up to whole turns.
@@ -290,11 +292,12 @@ def _rival(s: _Shell, e: int, other: int) -> tuple[float, float]:
 def _lay_creases(s: _Shell, i: int) -> dict[tuple[int, int, int, int], tuple[np.ndarray, tuple[float, float]]]:
     """Edges between the mitred members of node i, with the ranges of their parameter t (see `mitres`)."""
     node = s.p.mitres[i]
+    ends = node.ends.tolist()
     creases = {}
     for piece in (piece for path in node.mitre.pieces for piece in path):
         if piece.neighbour < piece.end:
             continue
-        e, other = node.ends[piece.end], node.ends[piece.neighbour]
+        e, other = ends[piece.end], ends[piece.neighbour]
         half_sine = np.linalg.norm(s.d[e] - s.d[other]) / 2
         bisector = (s.d[e] + s.d[other]) / np.linalg.norm(s.d[e] + s.d[other])
         frame = s.frames.add(
@@ -314,17 +317,13 @@ def _lay_creases(s: _Shell, i: int) -> dict[tuple[int, int, int, int], tuple[np.
 
 def _lay_tubes(s: _Shell, arcs: _Arcs) -> None:
     n, straight = s.n_m, s.p.tubes.straight
-    length = np.linalg.norm(
-        (s.X + s.reach[:, None] * s.d)[1::2] - (s.X + s.reach[:, None] * s.d)[0::2], axis=1
-    )
+    length = np.linalg.norm((s.X + s.reach[:, None] * s.d)[1::2] - (s.X + s.reach[:, None] * s.d)[0::2], axis=1)
     m = np.arange(n)
     center = (s.X + s.reach[:, None] * s.d)[0::2]
     frame = s.frames.add(
         n, origin=center, axis=s.d[0::2], zero=s.N[0::2], radii=np.stack([s.r[0::2], s.r[0::2]], axis=1)
     )
-    line = s.frames.add(
-        n, origin=center + s.r[0::2, None] * s.N[0::2], axis=s.d[0::2], zero=s.N[0::2], radii=(1, 1)
-    )
+    line = s.frames.add(n, origin=center + s.r[0::2, None] * s.N[0::2], axis=s.d[0::2], zero=s.N[0::2], radii=(1, 1))
     face = s.faces.add(
         n,
         form=np.where(straight, SurfaceForm.CYLINDER, SurfaceForm.TUBE),
@@ -389,7 +388,7 @@ def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
     frames = np.stack([zero, np.cross(axis, zero), axis], axis=1)
     circles = np.stack([s.N, s.B, s.d], axis=1)[arcs.end]
     fitted, deviation = fit_longitudes(frames[row], R[row], circles, s.a[arcs.end], arcs.ranges)
-    s.widen = (arcs.edge, FIT_SAFETY * deviation)
+    s.widened = (arcs.edge, FIT_SAFETY * deviation)
     face_of_arc = face[row]
     island = _find_islands(fitted, row, wire)
     if island.any():
@@ -443,25 +442,27 @@ def _chain_loops(arcs: _Arcs, row: np.ndarray, poles: np.ndarray) -> tuple[np.nd
 
 
 def _finish(s: _Shell) -> ShellPlan:
-    edges, faces, coedges = s.edges, s.faces, s.coedges
-    edge, deviation = s.widen
+    edges, faces, coedges, frames = s.edges, s.faces, s.coedges, s.frames
+    edge, deviation = s.widened
     tolerance = edges["tolerance"].copy()
     tolerance[edge] = np.maximum(tolerance[edge], deviation)
     order = np.lexsort((coedges["order"], coedges["wire"], coedges["face"]))
-    frames = s.frames
+    face, wire, along, form, pcurve = (
+        coedges.whole(name)[order] for name in ("face", "wire", "edge", "form", "pcurve")
+    )
     return ShellPlan(
         points=s.points["x"],
         frames=Frames(frames["origin"], frames["axis"], frames["zero"], frames["radii"]),
-        edges=Edges(edges["form"], edges["curve"], edges["ranges"], edges["ends"], tolerance),
+        edges=Edges(edges.whole("form"), edges.whole("curve"), edges["ranges"], edges.whole("ends"), tolerance),
         faces=Faces(
-            faces["form"],
-            faces["surface"],
-            faces["reversed_"],
-            faces["role"],
-            faces["owner"],
-            s.p.component[faces["node"].astype(int)],
+            faces.whole("form"),
+            faces.whole("surface"),
+            faces["reversed_"] > 0,
+            faces.whole("role"),
+            faces.whole("owner"),
+            s.p.component[faces.whole("node")],
         ),
-        coedges=Coedges(*(coedges[name][order] for name in ("face", "wire", "edge", "reversed_", "form", "pcurve"))),
+        coedges=Coedges(face, wire, along, coedges["reversed_"][order] > 0, form, pcurve),
         pcurve_lines=np.stack([s.lines["origin"], s.lines["direction"]], axis=1),
         pcurve_poles=np.concatenate(s.poles),
         tube_poles=s.p.tubes.poles,

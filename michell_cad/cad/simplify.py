@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from michell_cad.curves import Curve
 from michell_cad.truss import SizedTruss, Truss
 
 
@@ -49,8 +48,6 @@ def simplify_truss(
     return _rebuild(truss, nodes, kinds, target, rows, curves, spans)
 
 
-
-
 class _Spans:
     """Radii and waypoints of the members by their two nodes, read from the lower to the higher node."""
 
@@ -64,7 +61,8 @@ class _Spans:
 
     def _points(self, m: int) -> np.ndarray:
         truss = self._sized.truss
-        return truss.waypoints[truss.waypoint_offsets[m] : truss.waypoint_offsets[m + 1]]
+        offsets = np.asarray(truss.waypoint_offsets)
+        return np.asarray(truss.waypoints)[offsets[m] : offsets[m + 1]]
 
     def _put(self, a: int, b: int, radii: np.ndarray, points: np.ndarray) -> None:
         if a > b:

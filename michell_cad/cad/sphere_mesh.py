@@ -7,6 +7,8 @@ with the boundary polygons as they are.
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 SPACING = 0.24
@@ -38,37 +40,50 @@ _LATTICE = lattice_points()
 
 def triangulate_sphere(
     boundary: Float[np.ndarray, "b 3"],
-    corner: Bool[np.ndarray, " b"],
     directions: Float[np.ndarray, "k 3"],
     half_angles: Float[np.ndarray, " k"],
+    arcs: Int[np.ndarray, "s 2"] | None = None,
 ) -> tuple[Float[np.ndarray, "i 3"], Int[np.ndarray, "t 3"]]:
     """Inner points (unit vectors) and outward triangles; indices beyond the boundary points are inner points.
 
     Parameters
     ----------
     boundary : unit vectors, the points of all circles and arcs.
-    corner : which of them are corners between two arcs.
     directions, half_angles : the caps.
+    arcs : if caps overlap, all steps from point to point along the boundary, counter-clockwise around the caps.
     """
     cosine, sine = np.cos(half_angles), np.sin(half_angles)
     away = CLEARANCE * SPACING
     near = _LATTICE @ directions.T > cosine * np.cos(away) - sine * np.sin(away)
-    inner = _LATTICE[~near.any(1)]
+    inner = _LATTICE[~np.any(near, axis=1)]
     points = np.concatenate([boundary, inner])
     hull = ConvexHull(points)
-    triangles = hull.simplices
+    triangles = hull.simplices.astype(np.int64)
     a, b, c = points[triangles].transpose(1, 0, 2)
     inward = np.einsum("td,td->t", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    if arcs is None:
+        inside = points @ directions.T >= cosine - ON_CAP
+        kept = ~np.any(np.all(inside[triangles], axis=1), axis=1)
+    else:
+        kept = _outside_loops(triangles, hull.neighbors, inward, arcs, len(points))
     triangles[inward] = triangles[inward][:, ::-1]
-    inside = points @ directions.T >= cosine - ON_CAP
-    covered = inside[triangles].all(1).any(1)
-    is_corner = np.concatenate([corner, np.zeros(len(inner), bool)])
-    between = is_corner[triangles].all(1) & ~covered
-    if between.any():
-        middle = points[triangles[between]].sum(1)
-        middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-        covered[between] = (middle @ directions.T > cosine).any(1)
-    return inner, triangles[~covered].astype(np.int64)
+    return inner, triangles[kept]
+
+
+def _outside_loops(
+    triangles: np.ndarray, neighbours: np.ndarray, inward: np.ndarray, arcs: np.ndarray, n: int
+) -> np.ndarray:
+    """Triangles on the right of the loops: the parts into which the loops cut the hull that have one along a loop."""
+    opposite = triangles[:, [[1, 2], [2, 0], [0, 1]]]
+    forward = np.where(inward[:, None, None], opposite[..., ::-1], opposite)
+    code = forward[..., 0] * n + forward[..., 1]
+    along, against = arcs[:, 0] * n + arcs[:, 1], arcs[:, 1] * n + arcs[:, 0]
+    on_right = np.isin(code, against)
+    free = ~(on_right | np.isin(code, along))
+    t, side = np.nonzero(free)
+    size = (len(triangles), len(triangles))
+    _, part = connected_components(coo_matrix((np.ones(len(t)), (t, neighbours[t, side])), shape=size), directed=False)
+    return np.isin(part, part[on_right.any(1)])
 
 
 def match_volume(

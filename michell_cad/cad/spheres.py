@@ -46,7 +46,7 @@ def place_seam(
     half_angles: Float[np.ndarray, " k"],
     groups: Int[np.ndarray, " k"],
     normals: Float[np.ndarray, "k 3"],
-    vertices: list[Float[np.ndarray, " j"]],
+    vertices: list[Float[np.ndarray, " _"]],
 ) -> Seam | None:
     """Find an axis and a meridian for the sphere of one node; None if there is none.
 
@@ -149,7 +149,7 @@ def _try_meridians(axis, interval, d, a, N, vertices) -> Seam | None:
 
 
 def _leave_caps(pole, zero, d, a, N) -> tuple[int, float, float] | None:
-    """Where the meridian from a pole towards `zero` leaves the caps: (cap, angle on its circle, angle from the pole)."""
+    """Where the meridian from a pole to `zero` leaves the caps: (cap, angle on its circle, angle from the pole)."""
     caps = np.flatnonzero(np.arccos(np.clip(d @ pole, -1, 1)) < a)
     if not len(caps):
         return None
@@ -219,9 +219,7 @@ def fit_longitudes(
     return poles, deviation
 
 
-def fit_sines(
-    t_range: tuple[float, float], middle: float, sign: float, size: float
-) -> Float[np.ndarray, "1 p 2"]:
+def fit_sines(t_range: tuple[float, float], middle: float, sign: float, size: float) -> Float[np.ndarray, "1 p 2"]:
     """Poles of (angle, height) = (middle + sign t, size cos t) on `fit_knots`: an ellipse seen from its cylinder."""
     t = t_range[0] + (t_range[1] - t_range[0]) * _fit_points()
     return (_FIT @ np.stack([middle + sign * t, size * np.cos(t)], axis=-1))[None]

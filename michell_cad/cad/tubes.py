@@ -3,9 +3,9 @@
 The spine follows the design curve. It starts where the direction of the end pierces the circle's plane, at
 node + reach * direction, a little off the design curve if that is bent; the offset fades out along the member with the
 quintic step (1 - t)^3 (1 + 3 t + 6 t^2). Circles of radius r(t) (`member_radius`) stand on the spine at `SECTIONS`
-places, in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513). The surface is
-a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so that it leaves both
-circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are tangent.
+places, in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513). The surface
+is a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so that it leaves
+both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are tangent.
 """
 
 from dataclasses import dataclass

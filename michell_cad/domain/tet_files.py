@@ -20,7 +20,8 @@ def read_npz_problem(path: Path, units: str | None) -> Outline:
     """Read an `.npz` problem; see the module for its arrays."""
     name, scale = path.name, unit_length(units or "m")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here, because NumPy leaves the file open when the archive turns out to be damaged.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {key: archive[key] for key in ("vertices", "tets", "fixed", "force") if key in archive.files}
             found = archive.files
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, AttributeError) as error:
@@ -52,13 +53,23 @@ def read_tet_file(path: Path, units: str | None) -> Outline:
     import meshio
 
     name, scale = path.name, unit_length(units or "mm")
-    reader = {".mesh": meshio.medit.read, ".msh": meshio.gmsh.read, ".vtu": meshio.vtu.read}[path.suffix.lower()]
+    suffix = path.suffix.lower()
+    if suffix == ".msh":
+        # Two programs share this ending; a Gmsh file says so in its first line.
+        with path.open("rb") as stream:
+            suffix = ".msh" if stream.read(11) == b"$MeshFormat" else ".msh (Ansys)"
+    readers = {
+        ".mesh": meshio.medit.read,
+        ".msh": meshio.gmsh.read,
+        ".msh (Ansys)": meshio.ansys.read,
+        ".vtu": meshio.vtu.read,
+    }
     try:
-        content = reader(str(path))
+        content = readers[suffix](str(path))
     except Exception as error:
         # meshio lets whatever its parsers raise through (ReadError, ValueError, KeyError, XML errors, ...).
         raise InvalidInputError(
-            f"{name}: cannot be read as {path.suffix} ({type(error).__name__}: {error}); export it again"
+            f"{name}: cannot be read as {suffix} ({type(error).__name__}: {error}); export it again"
         ) from error
     blocks = [block.data[:, :4] for block in content.cells if block.type in ("tetra", "tetra10")]
     if not blocks or not sum(len(block) for block in blocks):

@@ -52,8 +52,8 @@ ENVELOPE = 1 / 30
 """fTetWild's envelope over its ideal edge: its envelope test samples at this distance, so the cost grows with the
 inverse square (a box took 1 s with 1/45 and 34 s with 1/450)."""
 
-LARGEST_ENVELOPE = 1e-3
-"""The envelope over the diagonal is at most this, fTetWild's own default (relative)."""
+LARGEST_ENVELOPE = 2e-3
+"""The envelope over the diagonal is at most this, so that coarse meshes of round parts keep their volume (relative)."""
 
 WALL_ENVELOPE, THIN_QUANTILE = 0.1, 0.05
 """The envelope is at most this fraction of the thickness that all but the thinnest 5 % of the surface exceed, so that

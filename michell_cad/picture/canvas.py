@@ -19,6 +19,9 @@ FRAGMENTS_AT_ONCE = 1_500_000
 STEEPEST = 0.25
 """Cosine below which a tube that points at the viewer counts as this steep; its end balls cover it anyway."""
 
+SEAM = 0.01
+"""Overlap of neighbouring triangles, pixels: above the rounding of single precision, far below what is seen."""
+
 
 @dataclass(eq=False)
 class Canvas:
@@ -108,7 +111,7 @@ class Canvas:
         # Normal = across * w + outward * bulge; on the screen y points down, in normals up.
         normal = np.stack([uy[shape] * w + ux[shape] * sine * bulge, ux[shape] * w - uy[shape] * sine * bulge], axis=1)
         normal = np.column_stack([normal, cosine * bulge])
-        self._put(pixel, z[near], normal, tags[shape])
+        self._put(pixel, normal, tags[shape])
 
     def draw_balls(
         self, centres: Float[np.ndarray, "n 3"], radii: Float[np.ndarray, " n"], tags: Int[np.ndarray, " n"]
@@ -127,7 +130,7 @@ class Canvas:
             bulge = np.sqrt(np.maximum(1 - dx * dx - dy * dy, 0))
             z = c[shape, 2] + bulge * r[shape]
             pixel, near = self._nearer(x, y, z)
-            self._put(pixel, z[near], np.stack([dx, -dy, bulge], axis=1)[near], tags[k][shape[near]])
+            self._put(pixel, np.stack([dx, -dy, bulge], axis=1)[near], tags[k][shape[near]])
 
     def draw_triangles(
         self, corners: Float[np.ndarray, "n 3 3"], normals: Float[np.ndarray, "n 3 3"], tags: Int[np.ndarray, " n"]
@@ -148,8 +151,9 @@ class Canvas:
             t = np.divide(x - P[shape, 0], run, out=np.zeros_like(run), where=run > 1e-9)
             return P[shape, 1] + t.clip(0, 1) * (Q - P)[shape, 1]
 
-        long, short = edge(A, C), np.where(x <= B[shape, 0], edge(A, B), edge(B, C))
-        line, y = _ranges(np.minimum(long, short), np.maximum(long, short), self.height)
+        long, short = edge(A, C), np.where(x < B[shape, 0], edge(A, B), edge(B, C))
+        # The slack closes the seam where two triangles meet exactly on pixels and rounding excludes both.
+        line, y = _ranges(np.minimum(long, short) - SEAM, np.maximum(long, short) + SEAM, self.height)
         shape, x = shape[line], x[line]
         area = _cross(B - A, C - A)
         keep = np.abs(area[shape]) > 1e-9
@@ -162,23 +166,22 @@ class Canvas:
         shape, b, c = shape[near], b[near, None], c[near, None]
         normal = nA[shape] + b * (nB - nA)[shape] + c * (nC - nA)[shape]
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-        self._put(pixel, z[near], normal, tags[shape])
+        self._put(pixel, normal, tags[shape])
 
     # --- pixels -------------------------------------------------------------------------------------------------
 
     def _nearer(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels of the fragments that are in front of what is drawn, and which fragments these are."""
+        """Take in the depths of fragments; return the pixels that they change and the fragments nearest there."""
         pixel = y.astype(np.int32) * self.width + x.astype(np.int32)
-        near = np.flatnonzero(z > self.depth[pixel])
-        return pixel[near], near
+        front = np.flatnonzero(z > self.depth[pixel])
+        pixel, z = pixel[front], z[front].astype(np.float32)
+        np.maximum.at(self.depth, pixel, z)
+        nearest = z == self.depth[pixel]
+        return pixel[nearest], front[nearest]
 
-    def _put(self, pixel: np.ndarray, z: np.ndarray, normal: np.ndarray, tags: np.ndarray) -> None:
-        # With several fragments on one pixel NumPy keeps the last one assigned: the nearest.
-        order = np.argsort(z)
-        pixel = pixel[order]
-        self.depth[pixel] = z[order]
-        self.normal[pixel] = normal[order]
-        self.tag[pixel] = tags[order]
+    def _put(self, pixel: np.ndarray, normal: np.ndarray, tags: np.ndarray) -> None:
+        self.normal[pixel] = normal
+        self.tag[pixel] = tags
 
 
 def _ranges(low: np.ndarray, high: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:

@@ -26,8 +26,8 @@ from michell_cad.picture.sheet import (
     write_legend,
 )
 
-MARGIN = 40
-"""Blank rim of each view, pixels."""
+MARGIN = 0.04
+"""Blank rim of each view over the height of the picture."""
 
 ARROW_LENGTH, ARROW_RADIUS, HEAD_LENGTH, HEAD_RADIUS = 0.22, 0.006, 0.06, 0.018
 """Sizes of an arrow over the diagonal of the part."""
@@ -126,7 +126,7 @@ def _best_views(points: np.ndarray, size: tuple[int, int], legend: int, up: int)
     """Two views side by side or one above the other, whichever shows the part larger; both at one scale."""
     w, h = (SUPERSAMPLING * value for value in size)
     h -= SUPERSAMPLING * legend
-    m = SUPERSAMPLING * MARGIN
+    m = MARGIN * SUPERSAMPLING * size[1]
     beside = ((m, m, w / 2 - m, h - m), (w / 2 + m, m, w - m, h - m))
     stacked = ((m, m, w - m, h / 2 - m), (m, h / 2 + m, w - m, h - m))
     pairs = [

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from michell_cad.curves import FAMILIES
+from michell_cad.domain.patches import number_patches
 from michell_cad.picture.camera import Camera, place_camera
 from michell_cad.picture.canvas import Canvas
 from michell_cad.picture.shading import blend, glass_opacity, outline_pixels, shade_solid
@@ -37,6 +38,8 @@ scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
 GHOST: Colour = (0.45, 0.55, 0.66)
 """Colour of the ghost of the part."""
 
+_WORDS = {"feature": "sharp edges"}
+
 PIECES = 6
 """Straight pieces in which a member is drawn if it is curved."""
 
@@ -49,8 +52,8 @@ NODE_RATIO = 1.35
 LINE_PIXELS = 1.5
 """Half the width of the part's sharp edges, pixels of the canvas."""
 
-MARGIN = 70
-"""Blank rim of the picture, pixels."""
+MARGIN = 0.07
+"""Blank rim of the picture over its height."""
 
 
 def render_truss(
@@ -82,7 +85,7 @@ def render_truss(
     """
     splines = fit_splines(sized.truss) if splines is None else splines
     width, height = SUPERSAMPLING * size[0], SUPERSAMPLING * size[1]
-    margin = SUPERSAMPLING * MARGIN
+    margin = MARGIN * height
     surface = mesh.vertices[mesh.boundary_vertices]
     camera = place_camera(surface, (margin, margin, width - margin, height - margin), up)
     bars = Canvas(width, height)
@@ -97,7 +100,7 @@ def render_truss(
     picture = _draw_lines(picture, lines, bars, front)
     curves = sized.truss.curves
     entries = [
-        (FAMILY_COLOURS[name], f"{name}: {count} curves" if name != "feature" else f"sharp edges: {count} curves")
+        (FAMILY_COLOURS[name], f"{_WORDS.get(name, name)}: {count} curve{'s' if count > 1 else ''}")
         for name in FAMILIES
         if (count := sum(curve.family == name for curve in curves))
     ]
@@ -140,7 +143,10 @@ def _draw_ghost(mesh: TetMesh, camera: Camera, width: int, height: int) -> tuple
     """The sides of the part that face the viewer, those that face away, and its sharp edges."""
     triangles = mesh.boundary_triangles
     corners = camera.project(mesh.vertices[triangles])
-    normals = camera.turn(corner_normals(mesh.vertices, triangles, np.asarray(mesh.cad_faces)))
+    faces = np.asarray(mesh.cad_faces)
+    if (faces < 0).any():
+        faces = number_patches(mesh.vertices, triangles)
+    normals = camera.turn(corner_normals(mesh.vertices, triangles, faces))
     facing = camera.turn(mesh.boundary_area_vectors)[:, 2] > 0
     sheets = []
     for chosen, sign in ((facing, 1.0), (~facing, -1.0)):

@@ -1,6 +1,7 @@
 """Trusses to build solids of: stars, warped grids, and the traced reference layouts where they are at hand."""
 
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,12 +48,10 @@ def grid_truss(shape=(4, 3, 3), warp=0.15, spacing=10.0, missing=0.0, stride=1, 
                     continue
                 row = np.moveaxis(number, axis, 0)[:, i, j]
                 mine = len(members) + np.arange(len(row) - 1)
-                members += list(zip(row[:-1], row[1:], strict=True))
+                members += list(pairwise(row))
                 values: list[int | None] = [None, None, None]
                 values[others[0]], values[others[1]] = i, j
-                curves.append(
-                    Curve(CurveKind.INTERIOR, FAMILIES[axis], axis, tuple(values), 0, row, mine, False)
-                )
+                curves.append(Curve(CurveKind.INTERIOR, FAMILIES[axis], axis, tuple(values), 0, row, mine, False))
     used, compact = np.unique(np.array(members), return_inverse=True)
     renumber = np.full(number.size, -1)
     renumber[used] = np.arange(len(used))
@@ -93,7 +92,7 @@ def reference_network(name: str, spacing: float = 10.0) -> CurveNetwork:
     nodes = nodes * (spacing / np.median(lengths))
     number = {tuple(pair): m for m, pair in enumerate(members.tolist())}
     curves, seen = [], {}
-    for c, (first, last) in enumerate(zip(offsets[:-1], offsets[1:], strict=True)):
+    for c, (first, last) in enumerate(pairwise(offsets)):
         row = points[first:last].tolist()
         loop = bool(closed[c]) and len(row) > 2
         if loop and row[0] == row[-1]:

@@ -1,0 +1,153 @@
+"""Members that touch without sharing a node: the kernel's check is blind to them, so they are looked for here.
+
+Members are rows of balls, `BALLS_PER_RADIUS` per radius; two members cross where two of their balls overlap. The
+nearest pair of balls overestimates the distance of the axes by less than 2 % at the distance where tubes touch.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import KDTree
+
+from michell_cad.arrays import freeze
+from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.splines import MemberSplines
+from michell_cad.truss import SizedTruss, member_radius
+
+BALLS_PER_RADIUS = 2.0
+MOST_BALLS = 400
+"""Balls per member at most: members longer than 200 radii get coarser rows."""
+
+TOUCHING = 0.98
+"""Members whose axes are nearer than this share of the sum of their radii count as crossing (relative)."""
+
+BESIDE = 1.25
+"""An end of a member lies beside another member if nearer than this (relative to the sum of their radii)."""
+
+AT_NODE = 1.3
+"""Near a common node, members are compared only beyond this multiple of what the node takes of them (relative)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Pairs of members that overlap away from a common node, the deepest first.
+
+    Parameters
+    ----------
+    members : (k, 2) int.
+    depth : (k,) float, mm, by how much they overlap.
+    points : (k, 3) float, mm, where.
+    """
+
+    members: Int[np.ndarray, "k 2"]
+    depth: Float[np.ndarray, " k"]
+    points: Float[np.ndarray, "k 3"]
+
+    def __post_init__(self) -> None:
+        freeze(self, members=np.int64, depth=np.float64, points=np.float64)
+
+
+def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
+    """Members without a common node that overlap, on the design curves."""
+    truss = sized.truss
+    owner, s = _place_balls(splines.lengths, sized.radii.max(1))
+    points = np.empty((len(owner), 3))
+    counts = np.bincount(owner, minlength=len(truss.members))
+    for n in np.unique(counts):
+        rows = counts[owner] == n
+        members = np.flatnonzero(counts == n)
+        points[rows] = MemberSplines(*_pieces(splines, members)).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
+    r = member_radius(sized.radii[owner], s)
+    pair, depth = _overlaps(points, r)
+    a, b = owner[pair].T
+    ends_a, ends_b = truss.members[a], truss.members[b]
+    apart = (a != b) & (ends_a[:, :, None] != ends_b[:, None, :]).all((1, 2))
+    return _deepest(a[apart], b[apart], depth[apart], points[pair[apart]].mean(1))
+
+
+def crossing_tubes(prepared: PreparedTruss) -> Crossings:
+    """Members whose tubes overlap as built; also members of one node that meet again beyond it."""
+    truss, sizes, tubes = prepared.sized.truss, prepared.sizes, prepared.tubes
+    fine = np.linspace(0, 1, 33)
+    spine = tubes.spine_points(fine)
+    lengths = np.linalg.norm(np.diff(spine, axis=1), axis=2).sum(1)
+    owner, t = _place_balls(lengths, tubes.radii.max(1))
+    x = t * (len(fine) - 1)
+    low = np.minimum(x.astype(int), len(fine) - 2)
+    w = (x - low)[:, None]
+    points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
+    ends = sizes.end_radius.reshape(-1, 2)
+    radii = np.stack([ends[:, 0], prepared.sized.radii[:, 1], ends[:, 1]], axis=1)
+    r = member_radius(radii[owner], t)
+    pair, depth = _overlaps(points, r)
+    a, b = owner[pair].T
+    keep = a != b
+    pair, depth, a, b = pair[keep], depth[keep], a[keep], b[keep]
+    same = truss.members[a][:, :, None] == truss.members[b][:, None, :]
+    near = np.zeros(len(a), bool)
+    row, side_a, side_b = np.nonzero(same)
+    X = truss.nodes[truss.members[a[row], side_a]]
+    reach = sizes.reach.reshape(-1, 2)
+    room = AT_NODE * np.maximum(reach[a[row], side_a], reach[b[row], side_b]) + r[pair[row]].max(1)
+    close = np.linalg.norm(points[pair[row]] - X[:, None], axis=2).min(1) < room
+    near[row[close]] = True
+    return _deepest(a[~near], b[~near], depth[~near], points[pair[~near]].mean(1))
+
+
+def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Changes, as `simplify_truss` takes them, after which crossing members share a node: no merges, and detours.
+
+    Of two members that cross, the one is led through the end of the other that lies nearest to it, if that end lies
+    within `BESIDE` of their radii; pairs that cross farther from their ends stay as they are.
+    """
+    truss, crossings = prepared.sized.truss, crossing_tubes(prepared)
+    radius = prepared.tubes.radii.max(1)
+    detours: list[tuple[int, int]] = []
+    used: set[int] = set()
+    for pair in crossings.members.tolist():
+        ends = {int(i) for m in pair for i in truss.members[m]}
+        if ends & used:
+            continue
+        best = None
+        for m, other in (pair, pair[::-1]):
+            for i in set(truss.members[m].tolist()) - set(truss.members[other].tolist()):
+                points = prepared.centerlines.points[other]
+                gap = float(np.linalg.norm(points - truss.nodes[i], axis=1)[1:-1].min())
+                if gap < BESIDE * (radius[m] + radius[other]) and (best is None or gap < best[0]):
+                    best = (gap, other, i)
+        if best is not None:
+            detours.append(best[1:])
+            used |= ends
+    return [], detours
+
+
+def _pieces(splines: MemberSplines, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    counts = np.diff(splines.offsets)[members]
+    take = np.repeat(splines.offsets[members] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    return splines.control_points[take], np.concatenate([[0], np.cumsum(counts)])
+
+
+def _place_balls(lengths: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Member and fraction of its length for every ball."""
+    n = np.clip(np.ceil(BALLS_PER_RADIUS * lengths / radii), 2, MOST_BALLS).astype(int) + 1
+    owner = np.repeat(np.arange(len(n)), n)
+    local = np.arange(len(owner)) - np.repeat(np.cumsum(n) - n, n)
+    return owner, local / (n[owner] - 1)
+
+
+def _overlaps(points: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    if not len(points):
+        return np.zeros((0, 2), int), np.zeros(0)
+    pair = KDTree(points).query_pairs(2 * TOUCHING * r.max(), output_type="ndarray")
+    depth = TOUCHING * r[pair].sum(1) - np.linalg.norm(points[pair[:, 0]] - points[pair[:, 1]], axis=1)
+    return pair[depth > 0], depth[depth > 0]
+
+
+def _deepest(a: np.ndarray, b: np.ndarray, depth: np.ndarray, points: np.ndarray) -> Crossings:
+    """One entry per pair of members, the deepest."""
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order = np.argsort(-depth, kind="stable")
+    _, first = np.unique(np.stack([low, high], axis=1)[order], axis=0, return_index=True)
+    chosen = order[np.sort(first)]
+    return Crossings(np.stack([low, high], axis=1)[chosen], depth[chosen], points[chosen])

@@ -1,0 +1,302 @@
+"""The truss as a solid: prepare, build, check, and describe what was done.
+
+Nothing that fails a check is handed out: the kernel's own check, one solid for each connected component, the volume
+against the direct mesh, and the genus. (The kernel's check alone accepts solids with a third of their volume.)
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from michell_cad.arrays import freeze, require
+from michell_cad.cad.clearance import Crossings, crossing_tubes
+from michell_cad.cad.mesh import SEGMENTS, TrussMesh, mesh_truss
+from michell_cad.cad.prepare import prepare_truss
+from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.shell import assemble_shell
+from michell_cad.cad.shell_plan import FaceRole
+from michell_cad.errors import GeometryKernelError
+from michell_cad.knobs import Knobs
+from michell_cad.truss import SizedTruss
+
+LARGEST_VOLUME_DIFFERENCE = 5e-3
+"""Between the solid and its direct mesh (relative); the two agree within 1e-3 unless something is wrong."""
+
+KERNEL_TRIES = 4
+"""Times that nodes which the kernel finds faulty are built anew with a slightly larger sphere."""
+
+NAMED = 5
+"""Crossing pairs that a message names."""
+
+
+@dataclass(frozen=True)
+class SolidReport:
+    """Figures of a solid, as the package's reports show them.
+
+    Parameters
+    ----------
+    valid : whether all checks passed (always true for a solid that was handed out).
+    solids : number of solids, one for each connected component.
+    volume_mm3, mesh_volume_mm3 : of the kernel's solids, and of the direct mesh.
+    faces : number of faces.
+    genus, expected_genus : measured on the mesh; sum over components of members - nodes + 1.
+    nodes, members : of the truss as built.
+    filleted_nodes : nodes at which every member has its fillet.
+    fallback_nodes : nodes not built by the direct way, by kind: ``mitred`` (acute members cut by bisecting planes, no
+        fillet) and ``merged`` (nodes moved, merged or given rerouted members).
+    raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
+    straightened_members, merged_members : members that do not follow their curve; members gone.
+    crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
+    curve_deviation_mm : largest distance of a spine from its design curve.
+    messages : one sentence for every kind of change or warning.
+    """
+
+    valid: bool
+    solids: int
+    volume_mm3: float
+    mesh_volume_mm3: float
+    faces: int
+    genus: int
+    expected_genus: int
+    nodes: int
+    members: int
+    filleted_nodes: int
+    fallback_nodes: Mapping[str, int]
+    raised_nodes: int
+    reduced_nodes: int
+    straightened_members: int
+    merged_members: int
+    crossings: int
+    curve_deviation_mm: float
+    messages: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TrussSolid:
+    """The solids of a truss with their direct mesh and report.
+
+    Parameters
+    ----------
+    prepared : the truss as built.
+    mesh : watertight triangle mesh of the same geometry.
+    report : SolidReport
+    face_role, face_owner : (n_f,) int, what each face is of: `FaceRole`, and number of the node, end or member.
+    face_component : (n_f,) int, the solid that has the face.
+    solids, faces : handles of the CAD kernel; see `build123d` and `cadquery` for objects to work with.
+    """
+
+    prepared: PreparedTruss
+    mesh: TrussMesh
+    report: SolidReport
+    face_role: Int[np.ndarray, " n_f"]
+    face_owner: Int[np.ndarray, " n_f"]
+    face_component: Int[np.ndarray, " n_f"]
+    solids: tuple[Any, ...] = field(repr=False)
+    faces: tuple[Any, ...] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        freeze(self, face_role=np.int64, face_owner=np.int64, face_component=np.int64)
+
+    @cached_property
+    def face_curve(self) -> Int[np.ndarray, " n_f"]:
+        """The curve of each face's member; -1 for the faces of nodes."""
+        return curve_of_part(self.prepared, self.face_role, self.face_owner)
+
+    @cached_property
+    def build123d(self) -> Any:
+        """A build123d Solid, or a Compound if there are several."""
+        from michell_cad.cad import kernel
+
+        return kernel.as_build123d(self.solids)
+
+    @cached_property
+    def cadquery(self) -> Any:
+        """A CadQuery Workplane with the solids on its stack."""
+        from michell_cad.cad import kernel
+
+        return kernel.as_cadquery(self.solids)
+
+
+def curve_of_part(
+    prepared: PreparedTruss, role: Int[np.ndarray, " n"], owner: Int[np.ndarray, " n"]
+) -> Int[np.ndarray, " n"]:
+    """Number of the curve that faces or triangles belong to, by role and owner; -1 at nodes."""
+    curve = prepared.sized.truss.curve_of_member
+    member = np.where(role == FaceRole.MEMBER, owner, owner // 2)
+    return np.where(role == FaceRole.NODE, -1, curve[np.where(role == FaceRole.NODE, 0, member)])
+
+
+def build_solid(
+    sized: SizedTruss,
+    knobs: Knobs,
+    progress: Callable[[float], None] | None = None,
+    segments: int = SEGMENTS,
+) -> TrussSolid:
+    """Build the solids of a truss, with fillets, and check them.
+
+    Parameters
+    ----------
+    sized : the truss with the radii of its members.
+    knobs : `node_ratio` and `fillet_ratio` are used; what else knobs hold is in `sized` already.
+    progress : called with the fraction done, from 0 to 1.
+    segments : sides of the polygons of the direct mesh.
+
+    Raises
+    ------
+    InvalidInputError
+        If the truss has no members.
+    GeometryKernelError
+        If no valid solid comes out; names curves, and a radius that would work.
+    """
+    from michell_cad.cad import kernel
+
+    require(len(sized.truss.members), "a truss without members has no solid")
+    tell = progress if progress is not None else lambda _: None
+    prepared = prepare_truss(sized, knobs, lambda f: tell(0.1 * f))
+    for _ in range(KERNEL_TRIES):
+        mesh = mesh_truss(prepared, segments)
+        tell(0.2)
+        plan = assemble_shell(prepared)
+        solids, faces = kernel.make_solids(plan, lambda f: tell(0.2 + 0.3 * f))
+        faulty = _faulty_faces(solids, faces, plan.faces.component)
+        tell(0.8)
+        if not len(faulty) and mesh.is_watertight:
+            break
+        role = np.concatenate([plan.faces.role[faulty], mesh.role[mesh.open_triangles]])
+        owner = np.concatenate([plan.faces.owner[faulty], mesh.owner[mesh.open_triangles]])
+        nodes = _nodes_of_faces(prepared, role, owner)
+        prepared = prepare_truss(sized, knobs, previous=prepared, shaken=nodes.tolist())
+    else:
+        raise GeometryKernelError(_name_faults(prepared, nodes))
+    report = _report(prepared, mesh, plan.components, len(faces), [kernel.volume(solid) for solid in solids])
+    tell(1.0)
+    return TrussSolid(
+        prepared, mesh, report, plan.faces.role, plan.faces.owner, plan.faces.component, tuple(solids), tuple(faces)
+    )
+
+
+def _faulty_faces(solids: Sequence[Any], faces: Sequence[Any], component: np.ndarray) -> np.ndarray:
+    """Numbers of the faces in which the kernel finds a fault."""
+    from michell_cad.cad import kernel
+
+    faulty = []
+    for number, solid in enumerate(solids):
+        mine = np.flatnonzero(component == number)
+        bad = kernel.faulty_faces(solid, [faces[f] for f in mine.tolist()])
+        if bad is not None:
+            # A fault that is in no face must be somewhere among them.
+            faulty.append(mine[np.array(bad)] if bad else mine)
+    return np.concatenate([np.zeros(0, int), *faulty])
+
+
+def _nodes_of_faces(prepared: PreparedTruss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    node = prepared.node_of_end
+    at_ends = node[owner[(role == FaceRole.FILLET) | (role == FaceRole.MITRE)]]
+    at_members = node.reshape(-1, 2)[owner[role == FaceRole.MEMBER]].ravel()
+    return np.unique(np.concatenate([owner[role == FaceRole.NODE], at_ends, at_members]))
+
+
+def _name_faults(prepared: PreparedTruss, nodes: np.ndarray) -> str:
+    truss = prepared.sized.truss
+    members = np.flatnonzero(np.isin(truss.members, nodes).any(1))
+    names = sorted({truss.curves[truss.curve_of_member[m]].name for m in members})
+    radius = float(prepared.sized.radii.max())
+    return (
+        f"the solid comes out faulty at {len(nodes)} nodes on the curves {_some(names)}, "
+        f"and growing their spheres did not help. "
+        f"The largest radius is {radius:.4g} mm: use at most {0.8 * radius:.3g} mm, or fewer curves"
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    rest = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _report(
+    prepared: PreparedTruss, mesh: TrussMesh, components: int, faces: int, volumes: Sequence[float]
+) -> SolidReport:
+    truss, sizes = prepared.sized.truss, prepared.sizes
+    used = np.unique(truss.members)
+    bodies = mesh_bodies(mesh)
+    genus = bodies - mesh.euler_number // 2
+    expected = len(truss.members) - len(used) + components
+    volume = float(sum(volumes))
+    if bodies != components or genus != expected:
+        raise GeometryKernelError(
+            f"expected {components} bodies of genus {expected} in all, the mesh has {bodies} of genus {genus}: "
+            "members must be touching; use a smaller radius"
+        )
+    difference = abs(volume / mesh.volume - 1)
+    if min(volumes) <= 0 or difference > LARGEST_VOLUME_DIFFERENCE:
+        raise GeometryKernelError(
+            f"the solid has {volume:.6g} mm^3, its direct mesh {mesh.volume:.6g} mm^3: "
+            f"a difference of {difference:.2%} instead of at most {LARGEST_VOLUME_DIFFERENCE:.2%}; use a smaller radius"
+        )
+    crossings = crossing_tubes(prepared)
+    plain = np.ones(len(truss.nodes), bool)
+    plain[prepared.node_of_end[sizes.fillet <= 0]] = False
+    return SolidReport(
+        valid=True,
+        solids=components,
+        volume_mm3=volume,
+        mesh_volume_mm3=mesh.volume,
+        faces=faces,
+        genus=genus,
+        expected_genus=expected,
+        nodes=len(used),
+        members=len(truss.members),
+        filleted_nodes=int(plain[used].sum()),
+        fallback_nodes=dict(prepared.fallback_nodes),
+        raised_nodes=prepared.raised_nodes,
+        reduced_nodes=prepared.reduced_nodes,
+        straightened_members=prepared.straightened_members,
+        merged_members=prepared.changes.original_members - len(truss.members),
+        crossings=len(crossings.depth),
+        curve_deviation_mm=float(curve_deviation(prepared).max()),
+        messages=prepared.messages + _warn_crossings(prepared, crossings),
+    )
+
+
+def mesh_bodies(mesh: TrussMesh) -> int:
+    """Number of connected bodies of a mesh."""
+    t, n = mesh.triangles, len(mesh.vertices)
+    ends = (t[:, [0, 1]].ravel(), t[:, [1, 2]].ravel())
+    _, label = connected_components(coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
+    return len(np.unique(label[t[:, 0]]))
+
+
+def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
+    """Largest distance of each spine from the design curve, mm, by samples on both."""
+    spine = prepared.tubes.spine_points(np.linspace(0, 1, 9))
+    design = prepared.design.points
+    worst = np.zeros(len(design))
+    for k in range(spine.shape[1]):
+        away = np.full(len(design), np.inf)
+        for a, b in zip(design[:, :-1].transpose(1, 0, 2), design[:, 1:].transpose(1, 0, 2), strict=True):
+            edge = b - a
+            t = np.clip(((spine[:, k] - a) * edge).sum(1) / np.maximum((edge**2).sum(1), 1e-300), 0, 1)
+            away = np.minimum(away, np.linalg.norm(spine[:, k] - a - t[:, None] * edge, axis=1))
+        worst = np.maximum(worst, away)
+    return worst
+
+
+def _warn_crossings(prepared: PreparedTruss, crossings: Crossings) -> tuple[str, ...]:
+    if not len(crossings.depth):
+        return ()
+    truss = prepared.sized.truss
+    owner = truss.curve_of_member
+    pairs = [
+        f"{truss.curves[owner[a]].name} with {truss.curves[owner[b]].name} ({depth:.2g} mm deep)"
+        for (a, b), depth in zip(crossings.members, crossings.depth, strict=True)
+    ]
+    return (
+        f"WARNING: {len(pairs)} pairs of members overlap without a common node, "
+        f"so that the solid intersects itself there: {_some(pairs)}",
+    )

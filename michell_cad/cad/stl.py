@@ -1,0 +1,40 @@
+"""Binary STL files of the direct mesh."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from michell_cad.arrays import require
+from michell_cad.cad.mesh import TrussMesh
+from michell_cad.files import writing
+
+HEADER = b"michell_cad, mm"
+
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def export_stl(mesh: TrussMesh, path: Path, progress: Callable[[float], None] | None = None) -> None:
+    """Write a mesh as binary STL, coordinates in mm; the file is there whole or not at all.
+
+    Raises
+    ------
+    InvalidInputError
+        If the mesh is not watertight.
+    """
+    require(
+        mesh.is_watertight,
+        f"an STL file needs a watertight mesh, this one has {len(mesh.open_triangles)} triangles with open edges",
+    )
+    corners = mesh.vertices[mesh.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(corners), _RECORD)
+    records["normal"] = np.divide(normals, size, out=np.zeros_like(normals), where=size > 0)
+    records["corners"] = corners
+    with writing(Path(path)) as partial, partial.open("wb") as file:
+        file.write(HEADER.ljust(80, b" "))
+        file.write(np.uint32(len(records)).tobytes())
+        file.write(records.tobytes())
+    if progress is not None:
+        progress(1.0)

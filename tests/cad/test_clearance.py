@@ -1,0 +1,69 @@
+"""Crossing members are found, with the depth that geometry gives, and only they."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from michell_cad.cad.clearance import crossing_members, crossing_tubes
+from michell_cad.cad.prepare import prepare_truss
+from michell_cad.cad.solid import build_solid
+from michell_cad.curves import Curve, CurveKind
+from michell_cad.knobs import Knobs
+from michell_cad.splines import fit_splines
+from michell_cad.truss import SizedTruss, Truss
+from tests.cad.layouts import grid_truss, sized, star
+
+
+def skew(gap: float, radius: float = 1.0) -> SizedTruss:
+    """Two members at right angles whose axes pass at a distance."""
+    nodes = np.array([[-10, 0, 0], [10, 0, 0], [0, -10, gap], [0, 10, gap]], float)
+    members = np.array([[0, 1], [2, 3]])
+    curves = tuple(
+        Curve(CurveKind.INTERIOR, "third", 2, (i, 0, None), 0, members[i], np.array([i]), False) for i in (0, 1)
+    )
+    return SizedTruss(Truss(nodes, np.zeros(4, int), members, curves, 20.0), np.full((2, 3), radius))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1.0, 1.8])
+def test_depth_of_a_crossing(gap) -> None:
+    thick = skew(gap)
+    for found in (crossing_members(thick, fit_splines(thick.truss)), crossing_tubes(prepare_truss(thick, Knobs()))):
+        assert found.members.tolist() == [[0, 1]]
+        assert found.depth[0] == pytest.approx(2 - gap, abs=0.06)
+        assert found.points[0] == pytest.approx([0, 0, gap / 2], abs=0.3)
+
+
+def test_members_that_pass_are_left_alone() -> None:
+    thick = skew(2.1)
+    assert not len(crossing_members(thick, fit_splines(thick.truss)).depth)
+    assert not len(crossing_tubes(prepare_truss(thick, Knobs())).depth)
+
+
+def test_members_of_one_node_do_not_cross() -> None:
+    half = np.radians(12.0)
+    pair = star([[np.cos(half), np.sin(half), 0], [np.cos(half), -np.sin(half), 0], [0, 0, 1]], length=14.0)
+    assert not len(crossing_tubes(prepare_truss(pair, Knobs())).depth)
+    grid = sized(grid_truss((4, 3, 3)), 1.2, 0.3)
+    assert not len(crossing_members(grid, fit_splines(grid.truss)).depth)
+    assert not len(crossing_tubes(prepare_truss(grid, Knobs())).depth)
+
+
+def test_a_crossing_far_from_nodes_is_reported_with_both_labels() -> None:
+    report = build_solid(skew(0.5), Knobs()).report
+    assert report.crossings == 1
+    warning = report.messages[-1]
+    assert warning.startswith("WARNING")
+    assert "third (0, 0, *) #0 with third (1, 0, *) #0" in warning
+
+
+def test_a_crossing_beside_a_node_is_resolved() -> None:
+    """The end of one member lies on the other: the other is led through it, and both become one solid."""
+    thick = skew(0.0)
+    nodes = np.array(thick.truss.nodes)
+    nodes[2] = [0, -0.2, 0.1]
+    report = build_solid(SizedTruss(dataclasses.replace(thick.truss, nodes=nodes), thick.radii), Knobs()).report
+    assert report.crossings == 0
+    assert report.solids == 1
+    assert report.members == 3
+    assert report.fallback_nodes["merged"] == 1

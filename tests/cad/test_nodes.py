@@ -1,0 +1,111 @@
+"""Node spheres against the formulas that they obey."""
+
+import numpy as np
+import pytest
+
+from michell_cad.cad.nodes import (
+    MARGIN,
+    NodeSizes,
+    angles_between,
+    cap_angle,
+    end_pairs,
+    node_levels,
+    separating_radius,
+    size_nodes,
+)
+
+
+def sizes_of(directions, radii, fillet_ratio=0.4, node_ratio=1.8, level=0) -> NodeSizes:
+    d = np.array(directions, float)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    radii = np.broadcast_to(np.asarray(radii, float), (len(d),)).copy()
+    node = np.zeros(len(d), int)
+    return size_nodes(node, d, radii, 1, fillet_ratio, node_levels(node_ratio), np.array([level]), np.ones(1))
+
+
+def at_angle(degrees: float) -> list[list[float]]:
+    a = np.radians(degrees)
+    return [[1, 0, 0], [np.cos(a), np.sin(a), 0]]
+
+
+def test_pairs_are_all_pairs_at_each_node() -> None:
+    first, second = end_pairs(np.array([3, 5, 3, 5, 3, 7]))
+    assert sorted(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 2), (0, 4), (1, 3), (2, 4)]
+
+
+def test_angles_near_zero_and_pi() -> None:
+    tiny = np.array([[np.cos(1e-9), np.sin(1e-9), 0.0]])
+    x = np.array([[1.0, 0, 0]])
+    assert angles_between(x, tiny)[0] == pytest.approx(1e-9, rel=1e-6)
+    assert angles_between(-x, tiny)[0] == pytest.approx(np.pi - 1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("degrees", [30.0, 60.0, 100.0])
+@pytest.mark.parametrize("f", [0.0, 0.4])
+def test_separating_radius_of_equal_members(degrees, f) -> None:
+    """R = (r + f) / sin((alpha - margin) / 2) - f."""
+    alpha, r = np.radians([degrees]), np.ones(1)
+    R = separating_radius(alpha, r, r, f * r, f * r)
+    expected = (1 + f) / np.sin((alpha - MARGIN) / 2) - f
+    assert pytest.approx(np.maximum(expected, 1.15), rel=1e-6) == R
+
+
+def test_separating_radius_of_unequal_members() -> None:
+    alpha = np.radians([50.0])
+    R = separating_radius(alpha, np.array([1.0]), np.array([0.4]), np.array([0.4]), np.array([0.16]))
+    total = cap_angle(R, np.array([1.0]), np.array([0.4])) + cap_angle(R, np.array([0.4]), np.array([0.16]))
+    assert total + MARGIN == pytest.approx(alpha, rel=1e-6)
+
+
+def test_room_at_rest() -> None:
+    sizes = sizes_of(at_angle(90), 2.0)
+    assert sizes.radius == pytest.approx([3.6])
+    assert sizes.fillet == pytest.approx([0.8, 0.8])
+    assert sizes.reach == pytest.approx(np.sqrt((3.6 + 0.8) ** 2 - (2.0 + 0.8) ** 2))
+
+
+def test_sphere_grows_then_fillets_shrink_then_members_are_mitred() -> None:
+    grown, shrunk, mitred = (sizes_of(at_angle(a), 1.0) for a in (55.0, 46.0, 30.0))
+    assert 1.8 < grown.radius[0] <= 3.0
+    assert grown.fillet == pytest.approx([0.4, 0.4])
+    assert 0 < shrunk.fillet[0] < 0.4
+    assert not shrunk.mitred.any()
+    assert mitred.mitred.all()
+    assert mitred.fillet == pytest.approx([0, 0])
+    # The tip of the mitre, and a tenth of the radius beyond it.
+    assert mitred.reach == pytest.approx(1 / np.tan(np.radians(15.0)) + 0.1)
+    assert mitred.rival.tolist() == [1, 0]
+
+
+def test_blunt_mitres_reach_beyond_their_tips_too() -> None:
+    """At a small sphere, members more than a right angle apart can still be mitred."""
+    sizes = sizes_of([*at_angle(92), *(-np.array(at_angle(92)))], 1.0, level=3)
+    assert sizes.mitred.all()
+    assert (sizes.reach > 1 / np.tan(np.radians(44.0))).all()
+
+
+def test_mitred_members_share_the_largest_radius() -> None:
+    sizes = sizes_of([*at_angle(20), [-1, 0, 0]], [1.0, 0.5, 0.5])
+    assert sizes.mitred.tolist() == [True, True, False]
+    assert sizes.end_radius == pytest.approx([1.0, 1.0, 0.5])
+
+
+def test_smaller_levels_take_less_room() -> None:
+    reaches = [sizes_of(np.eye(3), 1.0, level=level).reach.max() for level in range(len(node_levels(1.8)))]
+    assert reaches == sorted(reaches, reverse=True)
+    assert reaches[-1] < 0.7 * reaches[0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_caps_are_clear_or_overlap_clearly(seed) -> None:
+    rng = np.random.default_rng(seed)
+    d = rng.normal(size=(int(rng.integers(2, 9)), 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    sizes = sizes_of(d, rng.uniform(0.5, 1.0, len(d)))
+    if not np.isfinite(sizes.radius[0]):
+        return
+    a = cap_angle(sizes.radius[0], sizes.end_radius, sizes.fillet)
+    first, second = end_pairs(np.zeros(len(d), int))
+    gap = angles_between(d[first], d[second]) - a[first] - a[second]
+    both = sizes.mitred[first] & sizes.mitred[second]
+    assert ((gap >= MARGIN - 1e-6) | (both & (gap < -0.9 * 2 * MARGIN))).all()

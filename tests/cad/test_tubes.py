@@ -1,0 +1,109 @@
+"""Tubes against circles, Pappus' theorem and the curves that they follow."""
+
+import numpy as np
+import pytest
+
+from michell_cad.cad.centerlines import SAMPLES, Centerlines, sample_splines, straight_centerlines
+from michell_cad.cad.tubes import Tubes, circle_parameter, fit_tubes, pinched_tubes
+from michell_cad.splines import fit_splines
+from tests.cad.layouts import grid_truss
+
+
+def arc(radius: float, turn: float) -> Centerlines:
+    """A circular arc from the origin along x, turning towards y."""
+    t = np.linspace(0, turn, SAMPLES)
+    points = radius * np.stack([np.sin(t), 1 - np.cos(t), 0 * t], axis=1)
+    back = -np.array([np.cos(turn), np.sin(turn), 0])
+    return Centerlines(points[None], np.stack([[1.0, 0, 0], back])[None])
+
+
+def tubes_along(lines: Centerlines, reach: float, radii) -> Tubes:
+    n = len(lines.points)
+    radii = np.broadcast_to(np.asarray(radii, float), (n, 3)).copy()
+    return fit_tubes(lines, lines.points[:, [0, -1]], np.full((n, 2), reach), radii, np.zeros(n))
+
+
+def enclosed(tubes: Tubes) -> np.ndarray:
+    """Volumes between the end discs, by the divergence theorem on fine quads, for one tube."""
+    points = tubes.surface_points(np.linspace(0, 2 * np.pi, 361), np.linspace(0, 1, 181))[0]
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    side = (np.cross(c - a, d - b) * (a + b + c + d)).sum() / 24
+    caps = 0.0
+    for row, sign in ((points[0], -1), (points[-1], 1)):
+        caps += sign * (np.cross(row[:-1], row[1:]).sum(0) / 2) @ row.mean(0) / 3
+    return side + caps
+
+
+def test_circle_parameter_gives_the_angle_back() -> None:
+    angles = np.linspace(0, 2 * np.pi, 101)
+    tube = tubes_along(straight_centerlines(np.eye(3)[:2] * 10, np.array([[0, 1]])), 1.0, 1.0)
+    ring = tube.surface_points(angles, np.array([0.0]))[0, 0] - tube.spine_points(np.array([0.0]))[0, 0]
+    N, B, _ = tube.frames[0, 0]
+    assert pytest.approx(np.cos(angles), abs=1e-12) == ring @ N
+    assert pytest.approx(np.sin(angles), abs=1e-12) == ring @ B
+    assert (np.diff(circle_parameter(angles)) > 0).all()
+
+
+def test_straight_tube_is_a_cylinder() -> None:
+    nodes = np.array([[0, 0, 0], [3, 4, 12.0]])
+    line = straight_centerlines(nodes, np.array([[0, 1]]))
+    assert tubes_along(line, 2.0, 1.0).straight.all()
+    assert not tubes_along(line, 2.0, [1, 1.3, 1]).straight.any()
+    assert not tubes_along(arc(20, 0.5), 1.0, 1.0).straight.any()
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.8, 1.5])
+def test_volume_of_a_bent_tube(turn) -> None:
+    """Pappus: the area of the circle times the length of the axis."""
+    tubes = tubes_along(arc(10 / turn, turn), 1e-9, 0.8)
+    assert enclosed(tubes) == pytest.approx(np.pi * 0.8**2 * 10, rel=2e-3)
+
+
+def test_ends_are_circles_square_to_their_directions() -> None:
+    lines = arc(12, 0.8)
+    tubes = tubes_along(lines, 1.5, [0.7, 1.0, 0.5])
+    rings = tubes.surface_points(np.linspace(0, 6, 25), np.array([0.0, 1.0]))[0]
+    for ring, point, d, r in zip(rings, lines.points[0, [0, -1]], lines.directions[0], (0.7, 0.5), strict=True):
+        arm = ring - point - 1.5 * d
+        assert np.linalg.norm(arm, axis=1) == pytest.approx(r, abs=1e-12)
+        assert arm @ d == pytest.approx(0, abs=1e-12)
+
+
+def test_surface_leaves_its_circles_along_the_directions() -> None:
+    lines = arc(12, 0.8)
+    tubes = tubes_along(lines, 1.5, [0.7, 1.0, 0.5])
+    h = 1e-6
+    steps = np.diff(tubes.surface_points(np.linspace(0, 6, 25), np.array([0.0, h])), axis=1)[0, 0]
+    sine = np.linalg.norm(np.cross(steps, lines.directions[0, 0]), axis=1) / np.linalg.norm(steps, axis=1)
+    assert sine.max() < 1e-5
+
+
+def test_frames_do_not_twist() -> None:
+    """On a plane curve the normal of a rotation-minimising frame keeps its angle to the plane."""
+    tubes = tubes_along(arc(8, 1.5), 0.5, 0.5)
+    assert np.ptp(tubes.frames[0, :, 0, 2]) < 1e-9
+
+
+def test_pinched_tube_is_found() -> None:
+    assert pinched_tubes(tubes_along(arc(3.0, 1.5), 0.1, 3.5)).all()
+    assert not pinched_tubes(tubes_along(arc(3.0, 1.5), 0.1, 1.0)).any()
+
+
+def test_centerlines_interpolate_between_samples() -> None:
+    lines = arc(10, 1.5)
+    s = np.linspace(0, 1, 77)
+    at = lines.at(s[None])[0]
+    exact = 10 * np.stack([np.sin(1.5 * s), 1 - np.cos(1.5 * s), 0 * s], axis=1)
+    assert np.abs(at - exact).max() < 1e-6 * 15
+
+
+def test_centerlines_of_splines() -> None:
+    truss = grid_truss((3, 3, 2))
+    lines = sample_splines(fit_splines(truss))
+    assert np.abs(lines.points[:, [0, -1]] - truss.nodes[truss.members]).max() < 1e-12
+    # Along a curve, the two members of an inner node leave it in opposite directions.
+    curve = next(c for c in truss.curves if len(c.members) == 2)
+    a, b = curve.members
+    middle = curve.nodes[1]
+    d = [lines.directions[m, list(truss.members[m]).index(middle)] for m in (a, b)]
+    assert d[0] @ d[1] == pytest.approx(-1, abs=1e-12)
