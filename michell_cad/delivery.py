@@ -75,14 +75,14 @@ def _write_results(
     with _timed("solid", times, progress):
         sized = apply_knobs(result.truss, job.knobs)
         solid = build_solid(sized, job.knobs, progress=lambda fraction: progress("solid", fraction))
-    built = solid.sized
+    built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
         if job.output.step:
-            export_step(folder / STEP_FILE, solid)
+            export_step(solid, folder / STEP_FILE)
             progress("export", 0.6)
         if job.output.stl:
-            export_stl(folder / STL_FILE, solid)
+            export_stl(solid.mesh, folder / STL_FILE)
         write_truss_json(folder / LAYOUT_FILE, built, splines, job.knobs)
         save_design(folder / DESIGN_FILE, result, job.knobs)
         if job.output.preview:

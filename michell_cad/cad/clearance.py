@@ -67,19 +67,12 @@ def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
 
 
 def crossing_tubes(prepared: PreparedTruss) -> Crossings:
-    """Members whose tubes overlap as built; also members of one node that meet again beyond it."""
-    truss, sizes, tubes = prepared.sized.truss, prepared.sizes, prepared.tubes
-    fine = np.linspace(0, 1, 33)
-    spine = tubes.spine_points(fine)
-    lengths = np.linalg.norm(np.diff(spine, axis=1), axis=2).sum(1)
-    owner, t = _place_balls(lengths, tubes.radii.max(1))
-    x = t * (len(fine) - 1)
-    low = np.minimum(x.astype(int), len(fine) - 2)
-    w = (x - low)[:, None]
-    points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
-    ends = sizes.end_radius.reshape(-1, 2)
-    radii = np.stack([ends[:, 0], prepared.sized.radii[:, 1], ends[:, 1]], axis=1)
-    r = member_radius(radii[owner], t)
+    """Members that overlap as built: their tubes, also beyond a common node, or a tube and a sphere, or two spheres.
+
+    A sphere stands for one of the members of its node.
+    """
+    truss, sizes = prepared.sized.truss, prepared.sizes
+    owner, points, r = _tube_balls(prepared)
     pair, depth = _overlaps(points, r)
     a, b = owner[pair].T
     keep = a != b
@@ -92,7 +85,55 @@ def crossing_tubes(prepared: PreparedTruss) -> Crossings:
     room = AT_NODE * np.maximum(reach[a[row], side_a], reach[b[row], side_b]) + r[pair[row]].max(1)
     close = np.linalg.norm(points[pair[row]] - X[:, None], axis=2).min(1) < room
     near[row[close]] = True
-    return _deepest(a[~near], b[~near], depth[~near], points[pair[~near]].mean(1))
+    node, member, sphere_depth = crossing_spheres(prepared)
+    some_member = np.zeros(len(truss.nodes), int)
+    some_member[truss.members.ravel()] = np.arange(truss.members.size) // 2
+    return _deepest(
+        np.concatenate([a[~near], some_member[node]]),
+        np.concatenate([b[~near], member]),
+        np.concatenate([depth[~near], sphere_depth]),
+        np.concatenate([points[pair[~near]].mean(1), truss.nodes[node]]),
+    )
+
+
+def crossing_spheres(
+    prepared: PreparedTruss,
+) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Nodes whose spheres overlap members of other nodes, or their spheres: (node, member, depth in mm)."""
+    truss, R = prepared.sized.truss, prepared.sizes.radius
+    owner, points, r = _tube_balls(prepared)
+    # The two spheres of a member are balls of it as well.
+    ends = truss.members.ravel()
+    sphere = np.concatenate([np.full(len(owner), -1), ends])
+    owner = np.concatenate([owner, np.arange(len(ends)) // 2])
+    points, r = np.concatenate([points, truss.nodes[ends]]), np.concatenate([r, R[ends]])
+    used = np.unique(ends)
+    near = KDTree(points).query_ball_point(truss.nodes[used], R[used] + r.max())
+    node = np.repeat(used, [len(balls) for balls in near])
+    ball = np.concatenate([np.zeros(0, int), *(np.array(balls, int) for balls in near)])
+    depth = TOUCHING * (R[node] + r[ball]) - np.linalg.norm(points[ball] - truss.nodes[node], axis=1)
+    own = (truss.members[owner[ball]] == node[:, None]).any(1) | (sphere[ball] == node)
+    hit = np.flatnonzero((depth > 0) & ~own)
+    neighbours = set(map(tuple, np.sort(truss.members, axis=1).tolist()))
+    pairs = np.sort(np.stack([node[hit], sphere[ball[hit]]], axis=1), axis=1).tolist()
+    hit = hit[np.array([tuple(pair) not in neighbours for pair in pairs], bool)]
+    return node[hit], owner[ball[hit]], depth[hit]
+
+
+def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Member, centre and radius of balls along all tubes."""
+    tubes = prepared.tubes
+    fine = np.linspace(0, 1, 33)
+    spine = tubes.spine_points(fine)
+    lengths = np.linalg.norm(np.diff(spine, axis=1), axis=2).sum(1)
+    owner, t = _place_balls(lengths, tubes.radii.max(1))
+    x = t * (len(fine) - 1)
+    low = np.minimum(x.astype(int), len(fine) - 2)
+    w = (x - low)[:, None]
+    points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
+    ends = prepared.sizes.end_radius.reshape(-1, 2)
+    radii = np.stack([ends[:, 0], prepared.sized.radii[:, 1], ends[:, 1]], axis=1)
+    return owner, points, member_radius(radii[owner], t)
 
 
 def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:

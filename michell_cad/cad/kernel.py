@@ -48,7 +48,7 @@ from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 from scipy.interpolate import make_interp_spline
 
 from michell_cad.cad.shell_plan import CurveForm, PcurveForm, ShellPlan, SurfaceForm
-from michell_cad.cad.spheres import DEGREE, fit_knots
+from michell_cad.cad.spheres import DEGREE, FIT_KNOTS
 from michell_cad.cad.tubes import AROUND_KNOTS, KNOTS, WEIGHTS, circle_parameter
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 
@@ -214,7 +214,7 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
 
 def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:
     lines = plan.pcurve_lines.tolist()
-    whole = _knots(fit_knots() * 2 * np.pi)
+    whole = _knots(FIT_KNOTS * 2 * np.pi)
     ranges = plan.edges.ranges
     tube_ends = [_circle_on_tube(0.0), _circle_on_tube(1.0)]
 
@@ -227,7 +227,7 @@ def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:
         first, last = ranges[edge]
         knots, mults = whole
         if (first, last) != (0.0, 2 * np.pi):
-            knots, mults = _knots(first + (last - first) * fit_knots())
+            knots, mults = _knots(first + (last - first) * FIT_KNOTS)
         return Geom2d_BSplineCurve(_points_2d(plan.pcurve_poles[i]), knots, mults, DEGREE)
 
     return make
@@ -273,7 +273,7 @@ def is_valid(shape: Any) -> bool:
 
 def faulty_faces(solid: Any, faces: Sequence[Any]) -> list[int] | None:
     """Which of its faces make a solid invalid, perhaps none of them alone; None if the solid is valid."""
-    check = BRepCheck_Analyzer(solid)
+    check = BRepCheck_Analyzer(solid, True, True)  # geometric checks, on all processors
     if check.IsValid():
         return None
     parts = ((face, *_explore(face, TopAbs_EDGE)) for face in faces)

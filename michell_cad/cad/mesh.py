@@ -17,7 +17,7 @@ from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.sphere_mesh import match_volume, triangulate_sphere
 from michell_cad.cad.tubes import SECTIONS
 
-SEGMENTS = 24
+SEGMENTS = 16
 """Sides of the polygons."""
 
 FEWEST_SEGMENTS = 8
@@ -59,9 +59,16 @@ class TrussMesh:
         t, n = self.triangles, len(self.vertices)
         edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
         code, back = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
-        values, place, count = np.unique(code, return_inverse=True, return_counts=True)
-        good = (count[place.ravel()] == 1) & np.isin(back, values)
-        return np.flatnonzero(~good.reshape(3, -1).all(0))
+        order = np.argsort(code)
+        ranked = code[order]
+        once = np.ones(len(code), bool)
+        once[order[1:]] &= ranked[1:] != ranked[:-1]
+        once[order[:-1]] &= ranked[1:] != ranked[:-1]
+        # The usual case, at the price of one more sort: both directions of every edge are there, once each.
+        if once.all() and np.array_equal(ranked, np.sort(back)):
+            return np.zeros(0, np.int64)
+        paired = ranked[np.minimum(np.searchsorted(ranked, back), len(ranked) - 1)] == back
+        return np.flatnonzero(~(once & paired).reshape(3, -1).all(0))
 
     @cached_property
     def is_watertight(self) -> bool:
@@ -71,7 +78,9 @@ class TrussMesh:
     @cached_property
     def euler_number(self) -> int:
         """Vertices - edges + triangles of a watertight mesh: 2 - 2 genus, summed over the bodies."""
-        return int(len(np.unique(self.triangles)) - len(self.triangles) // 2)
+        used = np.zeros(len(self.vertices), bool)
+        used[self.triangles] = True
+        return int(used.sum()) - len(self.triangles) // 2
 
 
 class _Mesh:

@@ -177,6 +177,12 @@ def size_nodes(
     return NodeSizes(R, r, f, reach, mitred, rival)
 
 
+NEWTON_STEPS = 60
+"""More than enough: the first steps double R at least where the angle is very acute, the last ones are quadratic."""
+NEWTON_TOLERANCE = 1e-9
+"""Relative accuracy of R, on its safe side."""
+
+
 def cap_angle(R: np.ndarray | float, r: np.ndarray, f: np.ndarray) -> np.ndarray:
     """Half-angle of the cap that a member takes from the sphere, fillet included."""
     return np.arcsin(np.minimum((r + f) / (R + f), 1.0))
@@ -185,16 +191,23 @@ def cap_angle(R: np.ndarray | float, r: np.ndarray, f: np.ndarray) -> np.ndarray
 def separating_radius(
     angle: np.ndarray, r_1: np.ndarray, r_2: np.ndarray, f_1: np.ndarray, f_2: np.ndarray
 ) -> np.ndarray:
-    """Smallest R at which two caps at `angle` leave `MARGIN` between them, by bisection; inf if there is none."""
-    low = np.maximum(r_1, r_2) * SMALLEST_RATIO
-    # Each cap angle is at most asin((r + f) / R), so this R is more than enough.
-    share = np.maximum(angle - MARGIN, 1e-3) / 2
-    high = np.maximum((np.maximum(r_1, r_2) + np.maximum(f_1, f_2)) / np.sin(np.minimum(share, np.pi / 2)), low)
-    for _ in range(30):
-        middle = (low + high) / 2
-        fits = cap_angle(middle, r_1, f_1) + cap_angle(middle, r_2, f_2) + MARGIN <= angle
-        low, high = np.where(fits, low, middle), np.where(fits, middle, high)
-    return np.where(angle > 2 * MARGIN, high, np.inf)
+    """Smallest R at which two caps at `angle` leave `MARGIN` between them; inf if there is none.
+
+    The sum of the cap angles falls with R and is convex, so Newton's method climbs to the root from below.
+    """
+    target = np.maximum(angle - MARGIN, 1e-3)
+    R = np.maximum(r_1, r_2) * SMALLEST_RATIO
+    for _ in range(NEWTON_STEPS):
+        excess, slope = -target, np.zeros_like(R)
+        for r, f in ((r_1, f_1), (r_2, f_2)):
+            sine = (r + f) / (R + f)
+            excess = excess + np.arcsin(sine)
+            slope = slope + sine / ((R + f) * np.sqrt(1 - sine * sine))
+        step = np.maximum(excess, 0) / slope
+        R = R + step
+        if (step <= NEWTON_TOLERANCE * R).all():
+            break
+    return np.where(angle > 2 * MARGIN, R * (1 + NEWTON_TOLERANCE), np.inf)
 
 
 def _fit_fillets(first, second, angle, r, fillet_ratio, most, largest, mitred_pair):
@@ -207,9 +220,11 @@ def _fit_fillets(first, second, angle, r, fillet_ratio, most, largest, mitred_pa
         loose[first[mitred_pair]] = loose[second[mitred_pair]] = True
         f = fillet_ratio * r * ~loose
         fraction = np.minimum(step, most)
-        R = separating_radius(angle, r[first], r[second], fraction * f[first], fraction * f[second])
-        better = (needed > largest) & (R <= largest)
-        factor[better], needed[better] = fraction[better], R[better]
+        open_pairs = np.flatnonzero(needed > largest)  # few are left after the first step
+        a, b, part = first[open_pairs], second[open_pairs], fraction[open_pairs]
+        R = separating_radius(angle[open_pairs], r[a], r[b], part * f[a], part * f[b])
+        fits = R <= largest[open_pairs]
+        factor[open_pairs[fits]], needed[open_pairs[fits]] = part[fits], R[fits]
     return factor, needed, (needed > largest) & ~mitred_pair
 
 
@@ -224,8 +239,7 @@ def _settle(R, first, second, angle, r, f, mitred):
     """The smallest R from `R` on at which every pair of one node is clear, or mitred and overlaps clearly; or inf."""
     both = mitred[first] & mitred[second]
     lowest = SMALLEST_RATIO * max(r[first].max(), r[second].max())
-    for candidate in np.concatenate([np.linspace(R, SETTLE * R, 60), np.linspace(R, lowest, 60)]):
-        total = cap_angle(candidate, r[first], f[first]) + cap_angle(candidate, r[second], f[second])
-        if ((total + MARGIN <= angle) | (both & (total - OVERLAP >= angle))).all():
-            return float(candidate)
-    return np.inf
+    candidates = np.concatenate([np.linspace(R, SETTLE * R, 60), np.linspace(R, lowest, 60)])[:, None]
+    total = cap_angle(candidates, r[first], f[first]) + cap_angle(candidates, r[second], f[second])
+    clear = ((total + MARGIN <= angle) | (both & (total - OVERLAP >= angle))).all(1)
+    return float(candidates[np.argmax(clear), 0]) if clear.any() else np.inf

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from michell_cad.cad.centerlines import Centerlines, sample_splines, straight_centerlines
-from michell_cad.cad.clearance import resolve_crossings
+from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
 from michell_cad.cad.mitres import Mitre, corner_angles, cut_mitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle, node_levels, size_nodes
 from michell_cad.cad.prepared import Changes, NodeMitre, PreparedTruss
@@ -161,7 +161,10 @@ def _place(attempt: _Attempt, changes: Changes) -> PreparedTruss | None:
         tubes = _turn_seams(attempt, lines, sizes, tubes)
         mitres, seams, failed_mitres, failed_seams = _place_nodes(attempt, lines, sizes, tubes)
         if not (failed_mitres or failed_seams or attempt.trouble["members"]):
-            return _describe(attempt, changes, lines, sizes, tubes, mitres, seams)
+            prepared = _describe(attempt, changes, lines, sizes, tubes, mitres, seams)
+            if not _raise_levels(attempt, crossing_spheres(prepared)[0], last):
+                return prepared
+            continue
         _help_nodes(attempt, failed_mitres, failed_seams)
         if attempt.trouble["members"] or attempt.trouble["nodes"]:
             return None

@@ -41,7 +41,7 @@ class PcurveForm(IntEnum):
     LINE = 0
     """origin + t direction."""
     FITTED = 1
-    """A spline on the knots of `spheres.fit_knots`, stretched to the range of the edge."""
+    """A spline on the knots of `spheres.FIT_KNOTS`, stretched to the range of the edge."""
     TUBE_START = 2
     """The whole circle at the start of a tube, counted along its angle."""
     TUBE_END = 3

@@ -1,8 +1,9 @@
 """Merge nodes and reroute members of a truss that is too tight to be built; every curve keeps its label.
 
 A curve is read as the row of nodes that it visits. Merging two nodes renames one of them; rerouting a member (i, k)
-through node j replaces the step i, k by i, j, k. Steps from a node to itself and steps to and fro then vanish, and a
-member is whatever two neighbours of a row span. Of members that become one, the thicker gives the radii.
+through node j replaces the step i, k by i, j, k. Steps from a node to itself and steps to and fro then vanish (at an
+end of the row one way remains), and a member is whatever two neighbours of a row span. Of members that become one, the
+thicker gives the radii.
 """
 
 from collections.abc import Iterable, Sequence
@@ -111,17 +112,23 @@ def _detour(row: list[int], closed: bool, via: dict[frozenset, int]) -> list[int
 
 
 def _tidy(row: list[int], closed: bool) -> tuple[list[int], bool]:
-    """Drop steps that stay, and steps to and fro."""
+    """Drop steps that stay, and steps to and fro; of those at an end of the row, or of a flat ring, keep one way."""
+    stays = [node for i, node in enumerate(row) if i == 0 or row[i - 1] != node]
+    while closed and len(stays) > 1 and stays[0] == stays[-1]:
+        stays.pop()
+    if closed and len(set(stays)) <= 2:
+        return stays[:2], False
+    if not closed:
+        while len(stays) > 2 and stays[0] == stays[2]:
+            stays.pop(0)
+        while len(stays) > 2 and stays[-1] == stays[-3]:
+            stays.pop()
     result: list[int] = []
-    for node in row:
-        if result and result[-1] == node:
-            continue
+    for node in stays:
         if len(result) > 1 and result[-2] == node:
             result.pop()
-            continue
-        result.append(node)
-    while closed and len(result) > 1 and result[0] == result[-1]:
-        result.pop()
+        else:
+            result.append(node)
     while closed and len(result) > 2 and (result[-1] == result[1] or result[-2] == result[0]):
         # To and fro across the place where the row begins.
         result = result[1:-1] if result[-1] == result[1] else result[:-1]

@@ -157,7 +157,7 @@ def build_solid(
     from michell_cad.cad import kernel
 
     require(len(sized.truss.members), "a truss without members has no solid")
-    tell = progress if progress is not None else lambda _: None
+    tell = _rising(progress)
     prepared = prepare_truss(sized, knobs, lambda f: tell(0.1 * f))
     for _ in range(KERNEL_TRIES):
         mesh = mesh_truss(prepared, segments)
@@ -171,14 +171,28 @@ def build_solid(
         role = np.concatenate([plan.faces.role[faulty], mesh.role[mesh.open_triangles]])
         owner = np.concatenate([plan.faces.owner[faulty], mesh.owner[mesh.open_triangles]])
         nodes = _nodes_of_faces(prepared, role, owner)
+        fault = _name_faults(prepared, nodes)
         prepared = prepare_truss(sized, knobs, previous=prepared, shaken=nodes.tolist())
     else:
-        raise GeometryKernelError(_name_faults(prepared, nodes))
+        raise GeometryKernelError(fault)
     report = _report(prepared, mesh, plan.components, len(faces), [kernel.volume(solid) for solid in solids])
     tell(1.0)
     return TrussSolid(
         prepared, mesh, report, plan.faces.role, plan.faces.owner, plan.faces.component, tuple(solids), tuple(faces)
     )
+
+
+def _rising(progress: Callable[[float], None] | None) -> Callable[[float], None]:
+    """The same callback, told no smaller fraction than before when nodes are built anew."""
+    highest = 0.0
+
+    def tell(fraction: float) -> None:
+        nonlocal highest
+        highest = max(highest, fraction)
+        if progress is not None:
+            progress(highest)
+
+    return tell
 
 
 def _faulty_faces(solids: Sequence[Any], faces: Sequence[Any], component: np.ndarray) -> np.ndarray:

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.interpolate import BSpline
 
+from michell_cad.arrays import frozen
+
 POLE_MARGIN = 0.12
 """Angle between a pole and the nearest circle: nearer, the longitude changes too fast to be fitted."""
 
@@ -162,22 +164,22 @@ def _leave_caps(pole, zero, d, a, N) -> tuple[int, float, float] | None:
     return cap, float(np.mod(angle, 2 * np.pi)), float(away[last])
 
 
-def fit_knots() -> Float[np.ndarray, " k"]:
-    """Knots of the fitted pcurves on [0, 1]: clamped, averaged (de Boor)."""
-    x = _fit_points()
-    inner = np.array([x[i + 1 : i + 1 + DEGREE].mean() for i in range(FIT_POINTS - DEGREE - 1)])
+def _averaged_knots(x: np.ndarray) -> np.ndarray:
+    """Clamped knots for interpolation at x (de Boor)."""
+    inner = np.array([x[i + 1 : i + 1 + DEGREE].mean() for i in range(len(x) - DEGREE - 1)])
     return np.concatenate([np.zeros(DEGREE + 1), inner, np.ones(DEGREE + 1)])
 
 
-def _fit_points() -> np.ndarray:
-    # Denser towards the ends, where a spline errs most.
-    uniform = np.linspace(0, 1, FIT_POINTS)
-    return 0.7 * uniform + 0.3 * (1 - np.cos(np.pi * uniform)) / 2
+_UNIFORM = np.linspace(0, 1, FIT_POINTS)
+# Denser towards the ends, where a spline errs most.
+_POINTS = 0.7 * _UNIFORM + 0.3 * (1 - np.cos(np.pi * _UNIFORM)) / 2
 
+FIT_KNOTS = frozen(_averaged_knots(_POINTS))
+"""Knots of the fitted pcurves on [0, 1]."""
 
-_FIT = np.linalg.inv(BSpline.design_matrix(_fit_points(), fit_knots(), DEGREE).toarray())
-_CHECK_POINTS = (_fit_points()[1:] + _fit_points()[:-1]) / 2
-_CHECK = BSpline.design_matrix(_CHECK_POINTS, fit_knots(), DEGREE).toarray()
+_FIT = np.linalg.inv(BSpline.design_matrix(_POINTS, FIT_KNOTS, DEGREE).toarray())
+_CHECK_POINTS = (_POINTS[1:] + _POINTS[:-1]) / 2
+_CHECK = BSpline.design_matrix(_CHECK_POINTS, FIT_KNOTS, DEGREE).toarray()
 
 
 def fit_longitudes(
@@ -187,7 +189,7 @@ def fit_longitudes(
     half_angles: Float[np.ndarray, " n"],
     ranges: Float[np.ndarray, "n 2"],
 ) -> tuple[Float[np.ndarray, "n p 2"], Float[np.ndarray, " n"]]:
-    """Poles, on `fit_knots`, of the (longitude, latitude) of circular arcs on spheres, and their deviation in mm.
+    """Poles, on `FIT_KNOTS`, of the (longitude, latitude) of circular arcs on spheres, and their deviation in mm.
 
     Parameters
     ----------
@@ -205,7 +207,7 @@ def fit_longitudes(
         q = np.cos(a) * d + np.sin(a) * (np.cos(theta)[..., None] * N + np.sin(theta)[..., None] * B)
         return np.einsum("nxd,nkd->nxk", q, sphere_frames)
 
-    q = locate(_fit_points())
+    q = locate(_POINTS)
     u = np.unwrap(np.arctan2(q[..., 1], q[..., 0]), axis=1)
     u -= 2 * np.pi * np.floor(u[:, FIT_POINTS // 2] / (2 * np.pi))[:, None]
     v = np.arcsin(np.clip(q[..., 2], -1, 1))
@@ -220,6 +222,6 @@ def fit_longitudes(
 
 
 def fit_sines(t_range: tuple[float, float], middle: float, sign: float, size: float) -> Float[np.ndarray, "1 p 2"]:
-    """Poles of (angle, height) = (middle + sign t, size cos t) on `fit_knots`: an ellipse seen from its cylinder."""
-    t = t_range[0] + (t_range[1] - t_range[0]) * _fit_points()
+    """Poles of (angle, height) = (middle + sign t, size cos t) on `FIT_KNOTS`: an ellipse seen from its cylinder."""
+    t = t_range[0] + (t_range[1] - t_range[0]) * _POINTS
     return (_FIT @ np.stack([middle + sign * t, size * np.cos(t)], axis=-1))[None]

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from michell_cad.cad.clearance import crossing_members, crossing_tubes
+from michell_cad.cad.clearance import crossing_members, crossing_spheres, crossing_tubes
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.solid import build_solid
 from michell_cad.curves import Curve, CurveKind
@@ -67,3 +67,21 @@ def test_a_crossing_beside_a_node_is_resolved() -> None:
     assert report.solids == 1
     assert report.members == 3
     assert report.fallback_nodes["merged"] == 1
+
+
+def test_spheres_that_would_overlap_are_made_smaller() -> None:
+    """Two far nodes 3.4 mm apart have no room for two spheres of 1.8 mm."""
+    half = np.arcsin(1.7 / 12)
+    pair = star([[np.cos(half), np.sin(half), 0], [np.cos(half), -np.sin(half), 0]], length=12.0)
+    prepared = prepare_truss(pair, Knobs())
+    assert prepared.sizes.radius[[1, 2]] == pytest.approx(1.5)
+    assert not len(crossing_tubes(prepared).depth)
+    node, member, depth = crossing_spheres(dataclasses.replace(prepared, sizes=_swollen(prepared.sizes)))
+    assert sorted(zip(node.tolist(), member.tolist(), strict=True)) == [(1, 1), (2, 0)]
+    assert depth == pytest.approx(2 * 1.8 * 0.98 - 3.4)
+
+
+def _swollen(sizes):
+    radius = np.array(sizes.radius)
+    radius[[1, 2]] = 1.8
+    return dataclasses.replace(sizes, radius=radius)

@@ -79,9 +79,9 @@ def test_sphere_grows_then_fillets_shrink_then_members_are_mitred() -> None:
 
 def test_blunt_mitres_reach_beyond_their_tips_too() -> None:
     """At a small sphere, members more than a right angle apart can still be mitred."""
-    sizes = sizes_of([*at_angle(92), *(-np.array(at_angle(92)))], 1.0, level=3)
+    sizes = sizes_of(at_angle(92), 1.0, level=3)
     assert sizes.mitred.all()
-    assert (sizes.reach > 1 / np.tan(np.radians(44.0))).all()
+    assert (sizes.reach > 1 / np.tan(np.radians(46.0))).all()
 
 
 def test_mitred_members_share_the_largest_radius() -> None:

@@ -25,7 +25,6 @@ def test_thinned_cantilever(ratio) -> None:
 @pytest.mark.parametrize(
     ("name", "direct"),
     [
-        ("bar_tension_beta0.1_rho16", 0.95),
         ("cantilever_beam_beta0.1_rho16", 0.8),
     ],
 )

@@ -65,9 +65,18 @@ def test_detour_leads_a_member_through_a_node() -> None:
 
 
 def test_steps_to_and_fro_vanish() -> None:
-    loop = truss_of([[0, 0, 0], [1, 0, 0], [2, 0.1, 0], [1, 0.1, 0]], [[0, 1, 2, 3]])
-    sized, _ = simplify_truss(loop, [(1, 3)], [])
-    assert sized.truss.curves[0].nodes.tolist() == [0, 1]
+    nodes = [[0, 0, 0], [1, 0, 0], [2, 0.1, 0], [1, 0.1, 0], [0, 1, 0]]
+    sized, _ = simplify_truss(truss_of(nodes, [[0, 1, 2, 3, 4]]), [(1, 3)], [])
+    assert sized.truss.curves[0].nodes.tolist() == [0, 1, 2]
+    assert sized.truss.nodes.tolist() == [[0, 0, 0], [1, 0.05, 0], [0, 1, 0]]
+
+
+def test_of_two_members_that_become_one_at_the_end_of_a_curve_one_stays() -> None:
+    nodes = [[0, 0, 0], [1, 0, 0], [2, 0.1, 0], [1, 0.1, 0]]
+    sized, _ = simplify_truss(truss_of(nodes, [[0, 1, 2, 3]]), [(1, 3)], [])
+    assert sized.truss.curves[0].nodes.tolist() == [0, 1, 2]
+    sized, _ = simplify_truss(truss_of(nodes, [[3, 2, 1, 0]]), [(1, 3)], [])
+    assert sized.truss.curves[0].nodes.tolist() == [2, 1, 0]
 
 
 def test_closed_curve_of_two_nodes_opens() -> None:

@@ -1,6 +1,8 @@
 """Solids against volumes in closed form, the direct mesh, and the rules that every solid must obey."""
 
 import dataclasses
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -264,3 +266,8 @@ def test_only_the_kernel_file_imports_the_kernel() -> None:
         if "import OCP" in p.read_text() or "from OCP" in p.read_text()
     ]
     assert [name for name in users if name.startswith("cad/")] == ["cad/kernel.py"]
+
+
+def test_kernel_loads_only_when_a_solid_is_made() -> None:
+    code = "import sys, michell_cad.cad; sys.exit(any(name.split('.')[0] == 'OCP' for name in sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from michell_cad.cad.nodes import angles_between
-from michell_cad.cad.spheres import DEGREE, POLE_MARGIN, fit_knots, fit_longitudes, fit_sines, place_seam, renumber_cuts
+from michell_cad.cad.spheres import DEGREE, FIT_KNOTS, POLE_MARGIN, fit_longitudes, fit_sines, place_seam, renumber_cuts
 
 
 def unit(x) -> np.ndarray:
@@ -77,16 +77,16 @@ def test_fitted_circles_lie_on_their_circles(tilt) -> None:
         start = float(theta[np.argmin(np.abs(u))])
     ranges = np.array([[start, start + 2 * np.pi]])
     poles, deviation = fit_longitudes(np.eye(3)[None], np.array([R]), circle[None], np.array([a]), ranges)
-    assert deviation[0] < 1e-6 * R
+    assert deviation[0] < 2e-6 * R
     x = np.linspace(0, 1, 501)
-    u, v = BSpline(fit_knots(), poles[0], DEGREE)(x).T
+    u, v = BSpline(FIT_KNOTS, poles[0], DEGREE)(x).T
     point = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=1)
-    assert point @ d == pytest.approx(np.cos(a), abs=1e-6)
+    assert point @ d == pytest.approx(np.cos(a), abs=2e-6)
 
 
 def test_fitted_ellipse_on_its_cylinder() -> None:
     poles = fit_sines((-0.4, 1.2), 2.0, -1.0, 3.0)[0]
     t = np.linspace(-0.4, 1.2, 50)
-    u, v = BSpline(fit_knots(), poles, DEGREE)((t + 0.4) / 1.6).T
+    u, v = BSpline(FIT_KNOTS, poles, DEGREE)((t + 0.4) / 1.6).T
     assert u == pytest.approx(2.0 - t, abs=1e-10)
     assert v == pytest.approx(3 * np.cos(t), abs=1e-10)

@@ -59,6 +59,15 @@ def test_volume_of_a_bent_tube(turn) -> None:
     assert enclosed(tubes) == pytest.approx(np.pi * 0.8**2 * 10, rel=2e-3)
 
 
+def test_bent_tube_is_a_torus() -> None:
+    """Every point of the surface is r away from the circular axis, also next to the ends."""
+    R, r, turn = 12.0, 3.0, 0.9
+    tubes = tubes_along(arc(R, turn), 1e-9, r)
+    points = tubes.surface_points(np.linspace(0, 2 * np.pi, 25), np.linspace(0, 1, 61)).reshape(-1, 3)
+    from_center = np.hypot(np.hypot(points[:, 0], points[:, 1] - R) - R, points[:, 2])
+    assert from_center == pytest.approx(r, rel=3e-4)
+
+
 def test_ends_are_circles_square_to_their_directions() -> None:
     lines = arc(12, 0.8)
     tubes = tubes_along(lines, 1.5, [0.7, 1.0, 0.5])
