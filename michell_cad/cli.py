@@ -3,6 +3,7 @@
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,8 @@ from michell_cad.errors import InvalidInputError, MichellError
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+INTERRUPTED = "interrupted; nothing was written"
 
 BAD_INPUT, FAILED = 2, 1
 """Exit codes: the input has to change; or the program could not do it, or was interrupted."""
@@ -80,25 +83,38 @@ def schema() -> None:
 
 def main() -> None:
     """Run the command line; every expected error becomes one message on standard error and an exit code."""
+    interruptions = _count_interruptions()
     try:
         app(standalone_mode=False)
     except InvalidInputError as error:
         _fail(str(error), BAD_INPUT)
     except MichellError as error:
         _fail(str(error), FAILED)
-    except (KeyboardInterrupt, typer.Abort):
-        _fail("interrupted; nothing was written", FAILED)
     except MemoryError:
         _fail("out of memory; use a coarser mesh (mesh.size) or a smaller resolution", FAILED)
-    except typer.Exit as stop:
-        sys.exit(stop.exit_code)
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:
+        if interruptions:
+            _fail(INTERRUPTED, FAILED)
         # click's own messages (a missing argument, an unknown option) know how to show themselves
         show = getattr(error, "show", None)
         if show is None:
             raise
         show()
         sys.exit(getattr(error, "exit_code", BAD_INPUT))
+    if interruptions:  # click may make a plain return of an interruption
+        _fail(INTERRUPTED, FAILED)
+
+
+def _count_interruptions() -> list[int]:
+    """A list that grows with each Ctrl-C: libraries turn KeyboardInterrupt into errors of their own, so it is noted."""
+    seen: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        seen.append(number)
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    return seen
 
 
 def _fail(message: str, code: int) -> None:

@@ -20,7 +20,7 @@ def grid() -> Truss:
 def test_all_of_the_truss_with_the_default_radius(grid):
     sized = apply_knobs(grid, Knobs())
     assert sized.truss is grid
-    np.testing.assert_allclose(sized.radii, 0.6)
+    np.testing.assert_allclose(sized.radii, 0.48)
 
 
 def test_one_family_keeps_the_sharp_edges(grid):

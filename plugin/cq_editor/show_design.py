@@ -7,7 +7,7 @@ import michell_cad as mc
 
 design_file = "bracket-truss/design.npz"
 family = "all"  # all, tension, compression or third
-radius = 0.0  # mm; 0: a tenth of the cell edge
+radius = 0.0  # mm; 0: 0.08 of the cell edge
 entasis = 0.3  # members thicker by this fraction in the middle of their curve
 every = 1  # keep every n-th curve
 
