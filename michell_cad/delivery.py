@@ -31,7 +31,7 @@ DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "design.npz", "preview.png", "report.js
 
 
 def deliver_job(
-    job_file: Path, folder: Path, force: bool = False, progress: Progress = lambda stage, fraction: None
+    job_file: str | Path, folder: str | Path, force: bool = False, progress: Progress = lambda stage, fraction: None
 ) -> dict[str, Any]:
     """Run a job and write its results to `folder`; returns the report.
 
@@ -45,6 +45,7 @@ def deliver_job(
     ConvergenceError, GeometryKernelError
         If a stage fails.
     """
+    folder = Path(folder)
     job = read_job(job_file)
     _require_place(folder, force)
     times: list[StageTime] = []

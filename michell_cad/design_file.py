@@ -29,7 +29,7 @@ FORMAT = "michell_cad.design"
 VERSION = 1
 
 
-def save_design(path: Path, design: Design, knobs: Knobs) -> None:
+def save_design(path: str | Path, design: Design, knobs: Knobs) -> None:
     """Write a design and the knobs it was built with; the file appears under its name only when it is complete."""
     problem, mesh, truss, network = design.problem, design.problem.mesh, design.truss, design.network
     arrays = {
@@ -77,7 +77,7 @@ def save_design(path: Path, design: Design, knobs: Knobs) -> None:
         "times": [asdict(time) for time in design.times],
         "knobs": knobs.model_dump(mode="json"),
     }
-    with writing(path) as partial, partial.open("wb") as file:
+    with writing(Path(path)) as partial, partial.open("wb") as file:
         np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
 
 

@@ -25,7 +25,7 @@ SCHEMAS = {"AP214": "AP214IS", "AP242": "AP242DIS"}
 
 
 def export_step(
-    solid: TrussSolid, path: Path, schema: str = "AP214", progress: Callable[[float], None] | None = None
+    solid: TrussSolid, path: str | Path, schema: str = "AP214", progress: Callable[[float], None] | None = None
 ) -> None:
     """Write the solids as STEP, in mm, with names and colours; the file is there whole or not at all.
 
@@ -52,7 +52,7 @@ def export_step(
         kernel.write_step_file(partial, list(zip(solid.solids, names, strict=True)), faces, SCHEMAS[schema], progress)
 
 
-def read_step_summary(path: Path) -> "StepSummary":
+def read_step_summary(path: str | Path) -> "StepSummary":
     """Solids, validity, volume and faces of a STEP file, as the kernel reads it."""
     from michell_cad.cad import kernel
 

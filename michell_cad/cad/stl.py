@@ -14,7 +14,7 @@ HEADER = b"michell_cad, mm"
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def export_stl(mesh: TrussMesh, path: Path, progress: Callable[[float], None] | None = None) -> None:
+def export_stl(mesh: TrussMesh, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
     """Write a mesh as binary STL, coordinates in mm; the file is there whole or not at all.
 
     Raises

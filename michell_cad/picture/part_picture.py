@@ -73,7 +73,7 @@ def face_colours(count: int) -> Float[np.ndarray, "k 3"]:
 
 
 def render_part(
-    path: Path,
+    path: str | Path,
     surface: Surface,
     tags: Int[np.ndarray, " n_b"],
     palette: Float[np.ndarray, "k 3"],

@@ -49,7 +49,7 @@ def open_sheet(picture: np.ndarray):
     return image, ImageDraw.Draw(image), ImageFont.load_default(FONT_SIZE)
 
 
-def save_sheet(image, path: Path) -> None:
+def save_sheet(image, path: str | Path) -> None:
     """Write a PNG; it appears under its name only when it is complete."""
     path = Path(path)
     part = path.with_name(f".{path.name}.part")

@@ -57,7 +57,7 @@ MARGIN = 0.07
 
 
 def render_truss(
-    path: Path,
+    path: str | Path,
     mesh: TetMesh,
     sized: SizedTruss,
     splines: MemberSplines | None = None,
