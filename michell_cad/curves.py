@@ -79,5 +79,5 @@ class Curve:
     def name(self) -> str:
         """The label as text, for example ``tension (4, *, 7) #0``; unique with the kind."""
         values = ", ".join("*" if value is None else str(value) for value in self.isovalues)
-        kind = "" if self.kind is CurveKind.INTERIOR else f" {self.kind}"
+        kind = f" {self.kind}" if self.kind is CurveKind.BOUNDARY else ""
         return f"{self.family}{kind} ({values}) #{self.component}"
