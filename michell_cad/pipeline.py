@@ -17,6 +17,7 @@ from michell_cad.parametrization import Parametrization, ParametrizationOptions,
 from michell_cad.problem import DesignProblem
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions, clean_network
+from michell_cad.truss.inside import keep_inside
 
 STAGES = ("elasticity", "frames", "parametrization", "isocurves", "truss")
 """Names of the stages, in order, as the progress callback and the report show them."""
@@ -124,6 +125,7 @@ def design(
         network = trace_isocurves(mesh, levels, families)
     with _stage("truss", times, progress):
         truss, cleaning = clean_network(network, spacing, options.truss)
+        truss = keep_inside(truss, mesh)
 
     alignment = measure_alignment(stress_field.stress, frame_field, parametrization, network)
     return Design(

@@ -138,8 +138,9 @@ def test_two_surface_curves_around_a_hole_stay_apart() -> None:
     assert (len(truss.nodes), len(truss.members), report.added_nodes) == (3, 3, 1)
     assert truss.node_kinds.tolist() == [CORNER, CORNER, FEATURE]
     np.testing.assert_allclose(np.abs(truss.nodes[2]), [0, 1, 0], atol=1e-12)
-    # The other half keeps its bow as a waypoint.
-    np.testing.assert_allclose(truss.waypoints, -truss.nodes[2:], atol=1e-12)
+    # Waypoints keep the other half, and both halves of this one, on the circle (the trace has 20 chords).
+    np.testing.assert_allclose(np.linalg.norm(truss.waypoints, axis=1), 1, atol=0.004)
+    np.testing.assert_allclose(np.linalg.norm(truss.waypoints + truss.nodes[2], axis=1).min(), 0, atol=1e-12)
     # In cells of 4 the two halves would be too short to be built: the hole is too small for this truss.
     truss, report = clean_network(network_of(nodes, [CORNER] * 2, curves, path), 4.0)
     assert (len(truss.nodes), len(truss.members), report.shared_members) == (2, 1, 1)

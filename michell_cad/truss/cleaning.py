@@ -22,6 +22,7 @@ from michell_cad.isocurves.lattice import expand
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.draft import Draft, draft_network, finish, split_lenses
 from michell_cad.truss.values import Truss
+from michell_cad.truss.waypoints import keep_to_surface
 
 MAX_ROUNDS = 20
 """Rounds of collapsing and joining; each shortens the truss. Maps of which a third is folded needed 5."""
@@ -132,7 +133,7 @@ def clean_network(
         f"no member is left of {len(network.members)} at a spacing of {spacing:.4g} mm: the part is smaller than a "
         "cell of the truss. Use a larger resolution or a smaller spacing",
     )
-    truss = finish(draft, network.curves, spacing)
+    truss = keep_to_surface(finish(draft, network.curves, spacing), network)
     steps = np.bincount(np.concatenate([curve.members for curve in truss.curves]))
     report = CleaningReport(
         nodes=(len(network.nodes), len(truss.nodes)),
