@@ -74,11 +74,9 @@ def check(
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of the job file."""
-    import json
+    from michell_cad.cli_inspect import show_schema
 
-    from michell_cad.job import job_schema
-
-    sys.stdout.write(json.dumps(job_schema(), indent=2) + "\n")
+    show_schema(_console())
 
 
 def main() -> None:

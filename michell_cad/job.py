@@ -39,9 +39,6 @@ from michell_cad.problem import (
 )
 from michell_cad.selection import REGION_KEYS, Region, Vector, select_triangles
 
-DEFAULT_RESOLUTION = 24.0
-"""Cells along the longest parametric range if a job says nothing: the paper's value for most of its parts."""
-
 DEFAULT_MATERIAL = "ABS"
 """The paper's printed examples are of ABS; the choice matters for masses and strengths, hardly for directions."""
 

@@ -134,7 +134,8 @@ def test_every_part_must_be_held():
 def test_a_couple_without_net_force_is_a_good_load():
     fixed = held(MESH.vertices[:, 0] == 0, "xyz")
     nodal = surface_torque(MESH, side(MESH, 0, 8), 5.0, np.zeros(3), np.array([1.0, 0.0, 0.0]))
-    DesignProblem(MESH, ABS, fixed, (LoadCase("twist", nodal),))
+    problem = DesignProblem(MESH, ABS, fixed, (LoadCase("twist", nodal),))
+    np.testing.assert_allclose(problem.load_cases[0].force.sum(0), 0, atol=1e-12)
 
 
 def test_problems_that_are_none():
