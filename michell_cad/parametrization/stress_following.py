@@ -92,9 +92,12 @@ def _spacing_rounds(spacing_weight: float) -> list[float]:
 
 
 def _laplacian_preconditioner(mesh: TetMesh, weights: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    mean_volume = mesh.volumes.mean()
-    L = mesh.laplacian(weights * mean_volume / mesh.volumes)
-    anchor = _ANCHOR * weights.sum() * mean_volume / mesh.size**2 / mesh.vertex_volumes.sum()
+    """The inverse of sum_t w_t |grad f|^2, near the Hessian of the energy: per tet, without volumes, as the energy is.
+
+    With the energy's own dimension (1/mm^2) the first step has the right length whatever the size of the part.
+    """
+    L = mesh.laplacian(weights / mesh.volumes)
+    anchor = _ANCHOR * weights.sum() / mesh.size**2 / mesh.vertex_volumes.sum()
     factor = factorise(L + sp.diags(anchor * mesh.vertex_volumes))
     return lambda gradient: factor.solve(gradient)
 
