@@ -12,13 +12,18 @@ from jaxtyping import Bool, Float, Int
 
 from michell_cad.arrays import freeze, require
 from michell_cad.errors import InvalidInputError
+from michell_cad.rigid_motions import free_rigid_motions
 from michell_cad.tet_mesh import TetMesh
 
 GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2 (3rd CGPM, 1901)."""
 
-RANK_TOLERANCE = 1e-9
-"""Singular values of the held rigid motions below this fraction of the largest one count as zero (relative)."""
+EXTREME = 1e30
+"""Forces (N) and moduli (MPa) above this, or below its inverse, are mistakes; squares and products of those between
+stay far from overflow."""
+
+MOST_NAMED = 6
+"""A message names this many of the free rigid motions."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,8 @@ class Material:
         for field in ("youngs_modulus", "density", "yield_strength"):
             value = getattr(self, field)
             require(np.isfinite(value) and value > 0, f"material: {field} must be positive, found {value}")
-        nu = self.poisson_ratio
+        E, nu = self.youngs_modulus, self.poisson_ratio
+        require(1 / EXTREME <= E <= EXTREME, f"material: youngs_modulus must be a value in MPa, found {E:g}")
         require(-1 < nu < 0.5, f"material: poisson_ratio must lie between -1 and 0.5 (both excluded), found {nu}")
 
 
@@ -68,6 +74,12 @@ class LoadCase:
     def __post_init__(self) -> None:
         freeze(self, force=np.float64)
         require(np.isfinite(self.force).all(), f"load case {self.name!r}: forces must be finite numbers")
+        largest = float(np.abs(self.force).max(initial=0.0))
+        require(
+            largest == 0 or 1 / EXTREME <= largest <= EXTREME,
+            f"load case {self.name!r}: the largest force must lie between {1 / EXTREME:g} and {EXTREME:g} N, found "
+            f"{largest:.3g}; check the unit",
+        )
         require(
             np.isfinite(self.weight) and self.weight > 0,
             f"load case {self.name!r}: weight must be positive, found {self.weight}",
@@ -120,36 +132,10 @@ class DesignProblem:
         motions = free_rigid_motions(self.mesh, self.fixed)
         require(
             not motions,
-            f"the supports leave the part free to move: {'; '.join(motions)}. Hold more faces, or more axes of them",
+            f"the supports leave the part free to move: {'; '.join(motions[:MOST_NAMED])}"
+            f"{f'; and {len(motions) - MOST_NAMED} more' if len(motions) > MOST_NAMED else ''}. "
+            "Hold more faces, or more axes of them",
         )
-
-
-def free_rigid_motions(mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"]) -> list[str]:
-    """Name the rigid motions that `fixed` does not prevent, of every connected part of the mesh.
-
-    Of the six rigid motions of a part, those are free whose components vanish on all held displacements: the null space
-    of the held rows of [I, -[x]_x]. Each is named by its largest translation or rotation, about the part's centre.
-    """
-    motions = []
-    parts = mesh.component_of_vertex
-    for part in range(parts.max() + 1):
-        inside = parts == part
-        x = mesh.vertices[inside]
-        x = (x - x.mean(0)) / max(np.ptp(x, axis=0).max(), np.finfo(float).tiny)
-        rows = np.zeros((len(x), 3, 6))
-        rows[:, [0, 1, 2], [0, 1, 2]] = 1
-        for axis in range(3):
-            rows[:, :, 3 + axis] = np.cross(np.eye(3)[axis], x)
-        held = rows[fixed[inside]]
-        normal = held.T @ held
-        values, vectors = np.linalg.eigh(normal)
-        free = vectors[:, values <= RANK_TOLERANCE * max(values.max(), 1.0)]
-        where = f" (part {part + 1} of {parts.max() + 1})" if parts.max() else ""
-        for motion in free.T:
-            k = int(np.argmax(np.abs(motion)))
-            what = f"it can move along {'xyz'[k]}" if k < 3 else f"it can turn about {'xyz'[k - 3]}"
-            motions.append(what + where)
-    return list(dict.fromkeys(motions))
 
 
 # --- loads on regions of the boundary, as consistent nodal forces --------------------------------------------

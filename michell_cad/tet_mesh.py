@@ -15,6 +15,9 @@ from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, frozen, require
 
+EXTREME = 1e30
+"""Meshes larger than this (mm), or smaller than its inverse, are mistakes; between, no volume over- or underflows."""
+
 FEATURE_COSINE = 0.9
 """A boundary edge is sharp when the normals of its two triangles have a smaller cosine (about 25 degrees)."""
 
@@ -60,6 +63,12 @@ class TetMesh:
         unused = np.ones(len(V), bool)
         unused[T] = False
         require(not unused.any(), f"every vertex must belong to a tet; {unused.sum()} do not, first {_first(unused)}")
+        reach = float(np.abs(V).max())
+        extent = reach if reach > EXTREME else float(np.ptp(V, axis=0).max())
+        require(
+            extent == 0 or 1 / EXTREME <= extent <= EXTREME,
+            f"the mesh must measure between {1 / EXTREME:g} and {EXTREME:g} mm, found {extent:.3g}; check the unit",
+        )
         six_volumes = _six_volumes(V, T)
         flat = six_volumes == 0
         require(
@@ -273,9 +282,16 @@ class TetMesh:
 
     @cached_property
     def component_of_vertex(self) -> Int[np.ndarray, " n_v"]:
-        """Number of the part (tets connected through shared faces or vertices) to which each vertex belongs."""
+        """Number of the part (tets connected through shared faces, edges or vertices) to which each vertex belongs."""
         i, j = self.edges.T
         graph = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(len(self.vertices),) * 2)
+        return frozen(connected_components(graph, directed=False)[1].astype(np.int64))
+
+    @cached_property
+    def body_of_tet(self) -> Int[np.ndarray, " n_t"]:
+        """Number of the body (tets connected through shared faces) to which each tet belongs."""
+        i, j = self.face_tets[self.face_tets[:, 1] >= 0].T
+        graph = sp.coo_matrix((np.ones(len(i)), (i, j)), shape=(len(self.tets),) * 2)
         return frozen(connected_components(graph, directed=False)[1].astype(np.int64))
 
     @cached_property

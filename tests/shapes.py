@@ -23,6 +23,18 @@ def box_mesh(cells: tuple[int, int, int], size: tuple[float, float, float] = (1.
     return TetMesh(vertices, np.concatenate(tets))
 
 
+def joined_boxes(
+    shift: tuple[float, float, float],
+    cells: tuple[int, int, int] = (4, 2, 2),
+    size: tuple[float, float, float] = (8.0, 4.0, 2.0),
+) -> TetMesh:
+    """A box and the same box moved by `shift`; vertices in the same place are one."""
+    box = box_mesh(cells, size)
+    points = np.concatenate([box.vertices, box.vertices + np.array(shift)])
+    _, first, inverse = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    return TetMesh(points[first], inverse.ravel()[np.concatenate([box.tets, box.tets + len(box.vertices)])])
+
+
 def cantilever(cells: tuple[int, int, int] = (12, 6, 6), load: float = -100.0) -> DesignProblem:
     """A 80 x 40 x 40 mm bar, clamped at x = 0, pulled in z at x = 80 by a total of `load` newtons."""
     mesh = box_mesh(cells, (80.0, 40.0, 40.0))

@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).parents[1] / "michell_cad"
 NUMERICS = (
     "arrays",
     "curves",
+    "deviator",
     "elasticity",
     "errors",
     "frame_field",
@@ -25,6 +26,7 @@ NUMERICS = (
     "pipeline",
     "problem",
     "report",
+    "rigid_motions",
     "rotations",
     "splines",
     "tet_mesh",
