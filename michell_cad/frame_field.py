@@ -24,6 +24,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from michell_cad.arrays import freeze, require
+from michell_cad.deviator import ISOTROPIC
 from michell_cad.elasticity import StressField
 from michell_cad.matching_energy import add_tets
 from michell_cad.minimize import minimize
@@ -32,8 +33,6 @@ from michell_cad.tet_mesh import TetMesh
 
 STRETCH = 10.0
 """Largest eigenvalue of the rescaled stress (Eq. 2; the paper's k = 10)."""
-ISOTROPIC = 1e-9
-"""Relative gap of the principal stresses below which a tet has no direction to follow."""
 
 _GRID = 60
 """Rotations on which the search for constant frames starts; their mean distance is about 40 degrees."""

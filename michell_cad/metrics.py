@@ -11,6 +11,7 @@ from itertools import permutations, product
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.deviator import deviator
 from michell_cad.frame_field import FrameField
 from michell_cad.isocurves import CurveNetwork
 from michell_cad.parametrization import Parametrization
@@ -82,10 +83,10 @@ def shear_residual(
 
     For directions that are not orthogonal dev sigma takes the place of sigma, so that pressure does not count as shear.
     """
-    deviator = _deviator(stress)
-    S = np.einsum("tij,tik,tkl->tjl", directions, deviator, directions, optimize=True)
+    dev = deviator(stress)
+    S = np.einsum("tij,tik,tkl->tjl", directions, dev, directions, optimize=True)
     shear = np.sqrt(2 * (S[:, 0, 1] ** 2 + S[:, 0, 2] ** 2 + S[:, 1, 2] ** 2))
-    total = mesh.volumes @ np.linalg.norm(deviator, axis=(1, 2))
+    total = mesh.volumes @ np.linalg.norm(dev, axis=(1, 2))
     return float(mesh.volumes @ shear / total) if total > 0 else 0.0
 
 
@@ -122,7 +123,7 @@ def misalignment(
 def distinct_directions(stress: Float[np.ndarray, "n_t 3 3"]) -> np.ndarray:
     """Mask of the tets whose principal stresses are distinct, see `DISTINCT_GAP`."""
     gaps = np.diff(np.linalg.eigvalsh(stress), axis=1).min(1)
-    return gaps > DISTINCT_GAP * np.linalg.norm(_deviator(stress), axis=(1, 2))
+    return gaps > DISTINCT_GAP * np.linalg.norm(deviator(stress), axis=(1, 2))
 
 
 def octahedral_group() -> Float[np.ndarray, "24 3 3"]:
@@ -156,10 +157,6 @@ def angles_between_families(network: CurveNetwork) -> Float[np.ndarray, " k"]:
         pair = (ends[:-shift] == ends[shift:]) & (axes[:-shift] != axes[shift:])
         result.append(np.einsum("kd,kd->k", outwards[:-shift][pair], outwards[shift:][pair]))
     return np.degrees(np.arccos(np.clip(np.concatenate(result), -1, 1)))
-
-
-def _deviator(stress: np.ndarray) -> np.ndarray:
-    return stress - np.einsum("tii->t", stress)[:, None, None] / 3 * np.eye(3)
 
 
 def _mean_and_deviation(values: np.ndarray) -> tuple[float, float]:

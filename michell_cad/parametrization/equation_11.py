@@ -7,13 +7,15 @@ program of three times the size; and its sums are weighted by volume, so that th
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from michell_cad.linear_solver import Factor, factorise
 from michell_cad.tet_mesh import TetMesh
 
 SMALLEST_WEIGHT = 0.1
 """Weights are volumes over their mean, but at least this: slivers without weight make the fold barrier slow or fail."""
+STIFFEST = 1e9
+"""... up to slivers with this stiffness, w |grad|^2 over the median: beyond it systems are indefinite by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,18 +26,20 @@ class LeastSquaresMap:
     ----------
     phi : (n_v, 3) float, mm.
     weights : (n_t,) float, mean about 1: weight of each tet.
-    factors : the three factorised systems; vertex 0 is pinned in each.
+    factors : the three factorised systems of the free vertices.
+    free : all vertices but one in each connected part; without these pins Eq. 11 leaves its translation open.
     """
 
     phi: Float[np.ndarray, "n_v 3"]
     weights: Float[np.ndarray, " n_t"]
     factors: tuple[Factor, Factor, Factor]
+    free: Int[np.ndarray, " n_free"] | slice
 
     def precondition(self, gradient: Float[np.ndarray, "n_v 3"]) -> Float[np.ndarray, "n_v 3"]:
-        """Apply the inverse of the Hessian of Eq. 11 (up to a translation)."""
+        """Apply the inverse of the Hessian of Eq. 11 (up to a translation of each part)."""
         step = np.zeros_like(gradient)
         for i, factor in enumerate(self.factors):
-            step[1:, i] = 0.5 * factor.solve(np.ascontiguousarray(gradient[1:, i]))
+            step[self.free, i] = 0.5 * factor.solve(np.ascontiguousarray(gradient[self.free, i]))
         return step
 
 
@@ -51,6 +55,7 @@ def integrate_frames(mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacin
     weights = tet_weights(mesh)
     along = np.einsum("tad,tdj->taj", mesh.hat_gradients, frames, optimize=True)
     phi = np.zeros((len(mesh.vertices), 3))
+    free = free_vertices(mesh)
     factors = []
     for i in range(3):
         penalty = np.ones(3)
@@ -58,12 +63,34 @@ def integrate_frames(mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacin
         scaled = along * penalty
         A = mesh.assemble(np.einsum("t,taj,tbj->tab", weights, scaled, along, optimize=True))
         b = np.bincount(mesh.tets.ravel(), (weights[:, None] * scaled[:, :, i]).ravel(), len(phi))
-        factor = factorise(A[1:, 1:])
-        phi[1:, i] = factor.solve(b[1:])
+        factor = factorise(A[free][:, free])
+        phi[free, i] = factor.solve(b[free])
         factors.append(factor)
-    return LeastSquaresMap(phi, weights, tuple(factors))
+    return LeastSquaresMap(centre_parts(mesh, phi), weights, tuple(factors), free)
+
+
+def free_vertices(mesh: TetMesh) -> Int[np.ndarray, " n_free"] | slice:
+    """All vertices but the first of each connected part; a slice where that does, which sparse matrices take faster."""
+    _, pinned = np.unique(mesh.component_of_vertex, return_index=True)
+    return slice(1, None) if len(pinned) == 1 else np.delete(np.arange(len(mesh.vertices)), pinned)
+
+
+def centre_parts(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> Float[np.ndarray, "n_v 3"]:
+    """Where the mesh has several connected parts, move the means of phi over each of them to zero.
+
+    Nothing in the method says how the coordinates of one part lie to those of another. With all in the same place the
+    longest part has the cells that the resolution asks for, however far apart the parts are.
+    """
+    part = mesh.component_of_vertex
+    if not part.any():
+        return phi
+    volumes = np.bincount(part, mesh.vertex_volumes)
+    means = np.stack([np.bincount(part, mesh.vertex_volumes * column) / volumes for column in phi.T], axis=1)
+    return phi - means[part]
 
 
 def tet_weights(mesh: TetMesh) -> Float[np.ndarray, " n_t"]:
-    """Volumes of the tets over their mean, but at least `SMALLEST_WEIGHT`."""
-    return np.maximum(mesh.volumes / mesh.volumes.mean(), SMALLEST_WEIGHT)
+    """Volumes of the tets over their mean, but at least `SMALLEST_WEIGHT`, of extreme slivers less, see `STIFFEST`."""
+    steepest = np.einsum("tad,tad->ta", mesh.hat_gradients, mesh.hat_gradients).max(1)
+    least = np.minimum(SMALLEST_WEIGHT, STIFFEST * np.median(steepest) / steepest)
+    return np.maximum(mesh.volumes / mesh.volumes.mean(), least)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from michell_cad.errors import ConvergenceError
+from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.minimize import minimize
 from michell_cad.parametrization.equation_11 import LeastSquaresMap
 from michell_cad.parametrization.jacobians import (
@@ -60,6 +60,8 @@ def remove_folds(
 
     Raises
     ------
+    InvalidInputError
+        If that is because the tets of the mesh itself overlap.
     ConvergenceError
         If neither way ends in a map without inverted tets and doubly wound edges.
     """
@@ -74,6 +76,12 @@ def remove_folds(
         phi, _ = minimize(energy, phi, linear.precondition, iterations=_INTERIOR_ITERATIONS)
     if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0:
         return phi
+    overlaps = count_double_wound_edges(mesh, mesh.vertices)
+    if overlaps:
+        raise InvalidInputError(
+            f"the tets of the mesh overlap: around {overlaps} inner edges they do not close to one full turn. "
+            "Mesh the part again"
+        )
     raise ConvergenceError(
         "the parametrization could not be freed of folds; use a finer mesh, or a larger spacing_weight"
     )

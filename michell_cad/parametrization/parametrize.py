@@ -11,7 +11,7 @@ from michell_cad.arrays import freeze, require
 from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, axes_of_inertia, constant_frames, matching_metric
-from michell_cad.parametrization.equation_11 import integrate_frames
+from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative
 from michell_cad.parametrization.phase import choose_phases
@@ -140,4 +140,4 @@ def parametrize(
             starts,
             lambda f: progress(share + (1 - share) * f),
         )
-    return Parametrization(mesh, phi)
+    return Parametrization(mesh, centre_parts(mesh, phi))

@@ -16,12 +16,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 
+from michell_cad.deviator import deviator
 from michell_cad.linear_solver import factorise
 from michell_cad.minimize import minimize
-from michell_cad.parametrization.equation_11 import tet_weights
+from michell_cad.parametrization.equation_11 import free_vertices, tet_weights
 from michell_cad.parametrization.fold_barrier import BARRIER_WIDTH, LEAST_DETERMINANT
 from michell_cad.parametrization.following_energy import add_tets
 from michell_cad.tet_mesh import TetMesh
@@ -34,8 +34,6 @@ _SPACING_STEP = 10**0.5
 _TRIAL_SPACING = 0.09
 """Smallest k_s at which all starts are still followed."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
-_ANCHOR = 1e-6
-"""Mass added to the preconditioning Laplacian, relative, so that translations do not make it singular."""
 
 
 def follow_stress(
@@ -96,10 +94,15 @@ def _laplacian_preconditioner(mesh: TetMesh, weights: np.ndarray) -> Callable[[n
 
     With the energy's own dimension (1/mm^2) the first step has the right length whatever the size of the part.
     """
-    L = mesh.laplacian(weights / mesh.volumes)
-    anchor = _ANCHOR * weights.sum() / mesh.size**2 / mesh.vertex_volumes.sum()
-    factor = factorise(L + sp.diags(anchor * mesh.vertex_volumes))
-    return lambda gradient: factor.solve(gradient)
+    free = free_vertices(mesh)
+    factor = factorise(mesh.laplacian(weights / mesh.volumes)[free][:, free])
+
+    def precondition(gradient: np.ndarray) -> np.ndarray:
+        step = np.zeros_like(gradient)  # zero at the pins: a translation changes nothing
+        step[free] = factor.solve(np.ascontiguousarray(gradient[free]))
+        return step
+
+    return precondition
 
 
 @dataclass(eq=False)
@@ -111,9 +114,9 @@ class _FollowingEnergy:
     spacing: float = _FIRST_SPACING
 
     def __post_init__(self) -> None:
-        deviator = self.stress - np.einsum("tii->t", self.stress)[:, None, None] / 3 * np.eye(3)
-        norm = np.linalg.norm(deviator, axis=(1, 2))
-        self._A = deviator / np.maximum(norm, np.finfo(float).tiny)[:, None, None]
+        dev = deviator(self.stress)
+        norm = np.linalg.norm(dev, axis=(1, 2))
+        self._A = dev / np.where(norm > 0, norm, 1.0)[:, None, None]
         weights = self.mesh.volumes * norm
         self.weights_stress = weights / max(weights.mean(), np.finfo(float).tiny)
         self.weights_volume = tet_weights(self.mesh)
