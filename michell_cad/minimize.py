@@ -51,8 +51,9 @@ def minimize(
     precondition : maps a gradient to a step; an approximation of the inverse Hessian, symmetric positive definite.
     memory : number of correction pairs.
     iterations : largest number.
-    tolerance : relative decrease of the value in one iteration that counts as none; `PATIENCE` such iterations in a row
-        end the minimisation. (One alone may only mean a step cut short by the edge of the feasible region.)
+    tolerance : relative decrease of the value in one full step that counts as none; `PATIENCE` such steps, with none in
+        between that decreased it by more, end the minimisation. (A step cut short by the edge of the feasible region
+        says nothing; if it counted, it would be luck where a minimisation among many such edges ends.)
     stop : called with each accepted value; ends the minimisation when true.
     """
     value, gradient = function(x)
@@ -87,7 +88,10 @@ def minimize(
             pairs.append((s, y, 1 / curvature))
             if iteration < SCALED_ITERATIONS:
                 scale = curvature / float(np.vdot(y, precondition(y)))
-        idle = idle + 1 if value - value_new <= tolerance * max(abs(value), np.finfo(float).tiny) else 0
+        if value - value_new > tolerance * max(abs(value), np.finfo(float).tiny):
+            idle = 0
+        elif step == 1.0:
+            idle += 1
         x, value, gradient = x_new, value_new, gradient_new
         if stop(value):
             return x, MinimizeReport(value, iteration + 1, evaluations, True, "the caller's condition is met")

@@ -33,6 +33,21 @@ def test_stays_inside_where_the_energy_is_finite():
         assert x[0] == pytest.approx(1, abs=1e-4)
 
 
+def test_steps_cut_short_do_not_count_as_converged():
+    """A wall stands close before each of the first ten accepted points; behind it the way to x = 5 is free."""
+    reached = [0.0]
+
+    def corridor(x: np.ndarray) -> tuple[float, np.ndarray]:
+        if len(reached) <= 10 and x[0] > max(reached) + 1e-3:
+            return np.inf, x
+        reached.append(float(x[0]))
+        return 1000 + 0.5 * float(x[0] - 5) ** 2, x - 5
+
+    x, report = minimize(corridor, np.zeros(1), lambda g: g, tolerance=1e-4)
+    assert x[0] == pytest.approx(5, abs=0.5)
+    assert report.converged
+
+
 def test_stops_when_the_caller_says_so():
     _, report = minimize(rosenbrock, np.array([-1.2, 1.0]), lambda g: g, stop=lambda value: value < 4.0)
     assert report.value < 4.0
