@@ -22,20 +22,23 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from michell_cad.arrays import freeze, require
 from michell_cad.deviator import ISOTROPIC
 from michell_cad.elasticity import StressField
 from michell_cad.matching_energy import add_tets
 from michell_cad.minimize import minimize
+from michell_cad.part_axes import NAMINGS, part_axes
 from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
 
 STRETCH = 10.0
 """Largest eigenvalue of the rescaled stress (Eq. 2; the paper's k = 10)."""
 
-_GRID = 60
-"""Rotations on which the search for constant frames starts; their mean distance is about 40 degrees."""
+_GENERIC = ((-0.92, -2.24, -1.60), (1.21, 1.09, -1.98))
+"""Rotation vectors that, named in all ways, leave the smallest gaps in the grid on which the search for constant frames
+starts; found by random search."""
 _REFINED = 8
 """The best of them are refined to local minima."""
 _SAME_AXIS = 0.97
@@ -145,11 +148,11 @@ def matching_metric(
 def constant_frames(mesh: TetMesh, metric: Float[np.ndarray, "n_t 3 3"], count: int) -> list[np.ndarray]:
     """Up to `count` constant frames at local minima of the data energy, lowest first, all different as frames.
 
-    The search starts on a fixed grid of rotations of the part's axes of inertia, so that turning the part turns the
-    result. Frames that differ by the symmetries of Eq. 4 (signs, and exchange of the second and third axis) are one.
+    The search starts on a fixed grid of rotations of the part's own axes, so that turning the part turns the result.
+    Frames that differ by the symmetries of Eq. 4 (signs, and exchange of the second and third axis) are one.
     """
     weights = mesh.volumes / mesh.volumes.sum()
-    axes = axes_of_inertia(mesh)
+    axes = part_axes(mesh)
     A = axes.T @ metric @ axes
     one_vertex = np.zeros_like(mesh.tets)  # a constant frame is one rotation vector that all tets share
 
@@ -188,30 +191,13 @@ def _fit_from(mesh: TetMesh, weights: np.ndarray, A: np.ndarray, options: FrameF
     return w
 
 
-def axes_of_inertia(mesh: TetMesh) -> Float[np.ndarray, "3 3"]:
-    """The part's axes of inertia as the columns of a rotation, signs fixed by the skewness along them."""
-    m = mesh.vertex_volumes
-    x = mesh.vertices - (m @ mesh.vertices) / m.sum()
-    _, axes = np.linalg.eigh(np.einsum("v,vi,vj->ij", m, x, x))
-    third = np.einsum("v,vi->i", m, (x @ axes) ** 3)  # skewness settles the signs, which eigenvectors leave open
-    axes = axes * np.where(third < 0, -1.0, 1.0)
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return axes
-
-
 def _rotation_grid() -> list[np.ndarray]:
-    """Rotation vectors on a super-Fibonacci spiral of quaternions: low-discrepancy, fixed, no turn at all first.
-
-    Alexa 2022 (doi:10.1109/CVPR52688.2022.00811), with its constants sqrt 2 and 1.5338.
+    """Rotation vectors that cover the frames which Eq. 4 tells apart within 26 degrees, and come together with all that
+    naming the axes differently makes of them, so that it does not matter which naming is at hand.
     """
-    k = np.arange(_GRID)
-    s = (k + 0.5) / _GRID
-    alpha, beta = 2 * np.pi * k / 2**0.5, 2 * np.pi * k / 1.533751168755204288118041
-    r, R = np.sqrt(s), np.sqrt(1 - s)
-    vector = np.stack([r * np.sin(alpha), r * np.cos(alpha), R * np.sin(beta)], axis=1)
-    length = np.linalg.norm(vector, axis=1)
-    turns = vector * (2 * np.arctan2(length, R * np.cos(beta)) / length)[:, None]
-    return [np.zeros((1, 3)), *turns[:, None]]
+    cyclic = [N for N in NAMINGS if (N >= 0).all()]  # of the namings themselves, those that Eq. 4 tells apart
+    turned = [N @ rotation_matrix(np.array(w)) for w in _GENERIC for N in NAMINGS]
+    return [w[None] for w in Rotation.from_matrix(np.array(cyclic + turned)).as_rotvec()]
 
 
 def _same_frame(A: np.ndarray, B: np.ndarray) -> bool:

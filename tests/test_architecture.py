@@ -23,6 +23,7 @@ NUMERICS = (
     "metrics",
     "minimize",
     "parametrization",
+    "part_axes",
     "pipeline",
     "problem",
     "report",

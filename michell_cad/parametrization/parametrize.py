@@ -10,12 +10,13 @@ from jaxtyping import Float
 from michell_cad.arrays import freeze, require
 from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
-from michell_cad.frame_field import FrameField, axes_of_inertia, constant_frames, matching_metric
+from michell_cad.frame_field import FrameField, constant_frames, matching_metric
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative
 from michell_cad.parametrization.phase import choose_phases
 from michell_cad.parametrization.stress_following import follow_stress
+from michell_cad.part_axes import part_axes
 from michell_cad.tet_mesh import TetMesh
 
 
@@ -114,7 +115,7 @@ def parametrize(
     """Integrate the frames (Eq. 11), remove the folds, and let the curves follow the stress.
 
     The last step starts from three injective maps: the fold-free Eq. 11, and the straight grids along the best constant
-    frame and along the part's axes of inertia; the lowest energy is kept.
+    frame and along the part's axes; the lowest energy is kept.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def parametrize(
     progress(share)
     if options.follow_stress:
         metric, _ = matching_metric(stress_field.stress)
-        grids = [*constant_frames(mesh, metric, 1), axes_of_inertia(mesh)]
+        grids = [*constant_frames(mesh, metric, 1), part_axes(mesh)]
         starts = [phi, *(mesh.vertices @ R for R in grids)]
         phi, _ = follow_stress(
             mesh,
