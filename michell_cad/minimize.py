@@ -41,6 +41,7 @@ def minimize(
     iterations: int = 100,
     tolerance: float = 1e-6,
     stop: Callable[[float], bool] = lambda value: False,
+    patience: int = PATIENCE,
 ) -> tuple[np.ndarray, MinimizeReport]:
     """Minimise `function` from the feasible point `x` by preconditioned L-BFGS with backtracking.
 
@@ -51,7 +52,7 @@ def minimize(
     precondition : maps a gradient to a step; an approximation of the inverse Hessian, symmetric positive definite.
     memory : number of correction pairs.
     iterations : largest number.
-    tolerance : relative decrease of the value in one full step that counts as none; `PATIENCE` such steps, with none in
+    tolerance : relative decrease of the value in one full step that counts as none; `patience` such steps, with none in
         between that decreased it by more, end the minimisation. (A step cut short by the edge of the feasible region
         says nothing; if it counted, it would be luck where a minimisation among many such edges ends.)
     stop : called with each accepted value; ends the minimisation when true.
@@ -95,7 +96,7 @@ def minimize(
         x, value, gradient = x_new, value_new, gradient_new
         if stop(value):
             return x, MinimizeReport(value, iteration + 1, evaluations, True, "the caller's condition is met")
-        if idle >= PATIENCE:
+        if idle >= patience:
             return x, MinimizeReport(value, iteration + 1, evaluations, True, "the energy no longer decreases")
     return x, MinimizeReport(value, iterations, evaluations, False, "all iterations used")
 

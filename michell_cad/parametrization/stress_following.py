@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from michell_cad.deviator import deviator
 from michell_cad.linear_solver import factorise
-from michell_cad.minimize import minimize
+from michell_cad.minimize import PATIENCE, minimize
 from michell_cad.parametrization.equation_11 import free_vertices, tet_weights
 from michell_cad.parametrization.fold_barrier import BARRIER_WIDTH, LEAST_DETERMINANT
 from michell_cad.parametrization.following_energy import add_tets
@@ -34,6 +34,8 @@ _SPACING_STEP = 10**0.5
 _TRIAL_SPACING = 0.09
 """Smallest k_s at which all starts are still followed."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
+_LAST_PATIENCE = 8
+"""Idle steps that end the last round: symmetric parts rest on a saddle for some, before rounding tips them over."""
 
 
 def follow_stress(
@@ -66,6 +68,7 @@ def follow_stress(
                 memory=_MEMORY,
                 iterations=_ITERATIONS,
                 tolerance=_TOLERANCE,
+                patience=_LAST_PATIENCE if energy.spacing == rounds[-1] else PATIENCE,
             )
             value = report.value
             done += 1
