@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 
 from michell_cad.arrays import freeze, require
+from michell_cad.elastic_elements import add_averaged_force, add_stiffness
 from michell_cad.linear_solver import Factor, measure_factorisation
 from michell_cad.problem import DesignProblem, Material
 from michell_cad.tet_mesh import TetMesh
@@ -99,7 +100,6 @@ def solve_elasticity(
     mesh = problem.mesh
     free = np.flatnonzero(~problem.fixed.ravel())
     K = stiffness_matrix(mesh, problem.material)[free][:, free]
-    averaging = _averaging_operator(mesh)
     loads = [case.force.ravel()[free] for case in problem.load_cases]
     factor, u, solver_unit = measure_factorisation(K, loads[0])
 
@@ -107,9 +107,9 @@ def solve_elasticity(
     for number, f in enumerate(loads):
         u = factor.solve(f) if number else u
         displacements.append(_expand(u, free, problem.fixed.shape))
-        u, count, residual = _smooth(problem, averaging, factor, free, f, u, options)
+        u, count, residual = _smooth(problem, factor, free, f, u, options)
         sigma = cauchy_stress(mesh, problem.material, _expand(u, free, problem.fixed.shape))
-        stresses.append(_average(averaging, sigma))
+        stresses.append(_average(mesh, sigma))
         steps.append(count)
         residuals.append(residual)
         progress((number + 1) / len(loads))
@@ -124,13 +124,10 @@ def stiffness_matrix(mesh: TetMesh, material: Material) -> sp.csr_matrix:
     coordinates.
     """
     lmbda, mu = lame_parameters(material)
-    g = mesh.hat_gradients
-    outer = np.einsum("tai,tbj->tabij", mesh.volumes[:, None, None] * g, g)
-    local = lmbda * outer + mu * outer.swapaxes(-1, -2)
-    dots = np.einsum("tabii->tab", outer)
-    for i in range(3):
-        local[..., i, i] += mu * dots
-    return sp.csr_matrix(mesh.assemble_blocks(local))
+    indptr, indices, entry = mesh.stencil
+    blocks = np.zeros((len(indices), 3, 3))
+    add_stiffness(entry, mesh.hat_gradients, mesh.volumes, lmbda, mu, blocks)
+    return sp.csr_matrix(sp.bsr_matrix((blocks, indices.copy(), indptr.copy()), shape=(3 * len(mesh.vertices),) * 2))
 
 
 def cauchy_stress(
@@ -157,22 +154,17 @@ def lame_parameters(material: Material) -> tuple[float, float]:
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
-def _averaging_operator(mesh: TetMesh) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-    """To the vertices, weighted by volume, and back to the centroids: sigma_s = back @ (to @ sigma)."""
-    n_t, n_v = len(mesh.tets), len(mesh.vertices)
-    back = sp.csr_matrix((np.full(4 * n_t, 0.25), mesh.tets.ravel(), np.arange(0, 4 * n_t + 1, 4)), shape=(n_t, n_v))
-    to = sp.diags(1 / mesh.vertex_volumes) @ back.T @ sp.diags(mesh.volumes)
-    return sp.csr_matrix(to), back
-
-
-def _average(averaging: tuple[sp.csr_matrix, sp.csr_matrix], stress: np.ndarray) -> np.ndarray:
-    to, back = averaging
-    return (back @ (to @ stress.reshape(-1, 9))).reshape(-1, 3, 3)
+def _average(mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"]) -> Float[np.ndarray, "n_t 3 3"]:
+    """To the vertices, weighted by volume, and back to the centroids."""
+    n_t = len(mesh.tets)
+    corners = (np.full(4 * n_t, 0.25), mesh.tets.ravel(), np.arange(0, 4 * n_t + 1, 4))
+    back = sp.csr_matrix(corners, shape=(n_t, len(mesh.vertices)))
+    nodal = back.T @ (mesh.volumes[:, None] * stress.reshape(-1, 9)) / mesh.vertex_volumes[:, None]
+    return (back @ nodal).reshape(-1, 3, 3)
 
 
 def _smooth(
     problem: DesignProblem,
-    averaging: tuple[sp.csr_matrix, sp.csr_matrix],
     factor: Factor,
     free: np.ndarray,
     f: np.ndarray,
@@ -181,10 +173,13 @@ def _smooth(
 ) -> tuple[np.ndarray, int, float]:
     """Conjugate gradients for A u = f preconditioned by K, from u = K^-1 f: displacement, steps, relative residual."""
     mesh, shape = problem.mesh, problem.fixed.shape
+    lmbda, mu = lame_parameters(problem.material)
 
     def A(x: np.ndarray) -> np.ndarray:
-        stress = _average(averaging, cauchy_stress(mesh, problem.material, _expand(x, free, shape)))
-        return internal_force(mesh, stress).ravel()[free]
+        nodal, force = np.zeros((len(mesh.vertices), 6)), np.zeros(shape)
+        u = _expand(x, free, shape)
+        add_averaged_force(mesh.tets, mesh.hat_gradients, mesh.volumes, mesh.vertex_volumes, lmbda, mu, u, nodal, force)
+        return force.ravel()[free]
 
     scale = np.sqrt(f @ u)  # the load in the norm of K^-1
     r = f - A(u)

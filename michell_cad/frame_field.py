@@ -22,27 +22,21 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from michell_cad.arrays import freeze, require
+from michell_cad.constant_frames import constant_frames
 from michell_cad.deviator import ISOTROPIC
 from michell_cad.elasticity import StressField
 from michell_cad.matching_energy import add_tets
 from michell_cad.minimize import minimize
-from michell_cad.part_axes import NAMINGS, part_axes
 from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
 
 STRETCH = 10.0
 """Largest eigenvalue of the rescaled stress (Eq. 2; the paper's k = 10)."""
 
-_GENERIC = ((-0.92, -2.24, -1.60), (1.21, 1.09, -1.98))
-"""Rotation vectors that, named in all ways, leave the smallest gaps in the grid on which the search for constant frames
-starts; found by random search."""
-_REFINED = 8
-"""The best of them are refined to local minima."""
-_SAME_AXIS = 0.97
-"""Axes with at least this cosine (14 degrees) count as the same when starts are told apart."""
+_EARLY = 10.0
+"""Rounds before the last converge to this many times its tolerance."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +50,7 @@ class FrameFieldOptions:
         The last one is a compromise: at 1e-4 the frames follow the stress more closely still, but have so much more
         curl that the curves integrated from them follow it less.
     iterations : largest number of L-BFGS iterations in each round.
-    tolerance : relative decrease of the energy at which a round has converged.
+    tolerance : relative decrease of the energy at which the last round has converged; those before need less.
     """
 
     starts: int = 3
@@ -145,31 +139,6 @@ def matching_metric(
     return metric, np.sqrt(scaled[:, 0]) + np.sqrt(scaled[:, 1])
 
 
-def constant_frames(mesh: TetMesh, metric: Float[np.ndarray, "n_t 3 3"], count: int) -> list[np.ndarray]:
-    """Up to `count` constant frames at local minima of the data energy, lowest first, all different as frames.
-
-    The search starts on a fixed grid of rotations of the part's own axes, so that turning the part turns the result.
-    Frames that differ by the symmetries of Eq. 4 (signs, and exchange of the second and third axis) are one.
-    """
-    weights = mesh.volumes / mesh.volumes.sum()
-    axes = part_axes(mesh)
-    A = axes.T @ metric @ axes
-    one_vertex = np.zeros_like(mesh.tets)  # a constant frame is one rotation vector that all tets share
-
-    def energy(w: np.ndarray) -> tuple[float, np.ndarray]:
-        gradient = np.zeros((1, 3))
-        return add_tets(one_vertex, weights, A, w, gradient), gradient
-
-    grid = sorted((energy(w)[0], number, w) for number, w in enumerate(_rotation_grid()))
-    minima: list[tuple[float, np.ndarray]] = []
-    for _, _, w in grid[:_REFINED]:
-        w, report = minimize(energy, w, lambda g: g, iterations=30)
-        R = axes @ rotation_matrix(w[0])
-        if all(not _same_frame(R, other) for _, other in minima):
-            minima.append((report.value, R))
-    return [R for _, R in sorted(minima, key=lambda entry: entry[0])[:count]]
-
-
 def _fit_from(mesh: TetMesh, weights: np.ndarray, A: np.ndarray, options: FrameFieldOptions) -> np.ndarray:
     """Rotation vectors at the vertices, relative to the constant frame in whose axes the metric A is given."""
     smoothness = (mesh.size**2 * mesh.laplacian() + sp.diags(mesh.vertex_volumes)) / mesh.volumes.sum()
@@ -185,21 +154,12 @@ def _fit_from(mesh: TetMesh, weights: np.ndarray, A: np.ndarray, options: FrameF
             smooth = 0.5 * float(np.vdot(w, gradient))
             return smooth + add_tets(mesh.tets, weights, A, w, gradient), gradient
 
+        last = alpha == options.smoothness[-1]
         w, _ = minimize(
-            energy, w, lambda g, d=diagonal: g / d, iterations=options.iterations, tolerance=options.tolerance
+            energy,
+            w,
+            lambda g, d=diagonal: g / d,
+            iterations=options.iterations,
+            tolerance=options.tolerance * (1 if last else _EARLY),
         )
     return w
-
-
-def _rotation_grid() -> list[np.ndarray]:
-    """Rotation vectors that cover the frames which Eq. 4 tells apart within 26 degrees, and come together with all that
-    naming the axes differently makes of them, so that it does not matter which naming is at hand.
-    """
-    cyclic = [N for N in NAMINGS if (N >= 0).all()]  # of the namings themselves, those that Eq. 4 tells apart
-    turned = [N @ rotation_matrix(np.array(w)) for w in _GENERIC for N in NAMINGS]
-    return [w[None] for w in Rotation.from_matrix(np.array(cyclic + turned)).as_rotvec()]
-
-
-def _same_frame(A: np.ndarray, B: np.ndarray) -> bool:
-    cosines = np.abs(A.T @ B)
-    return bool(cosines[0, 0] > _SAME_AXIS and max(cosines[1, 1], cosines[1, 2]) > _SAME_AXIS)

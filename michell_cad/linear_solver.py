@@ -4,7 +4,7 @@ MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewher
 which.
 """
 
-import copy
+import ctypes
 import os
 import time
 from functools import cache
@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from michell_cad.errors import ConvergenceError
 
 try:
-    from pypardiso.pardiso_wrapper import PyPardisoError, PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoSolver
 except ModuleNotFoundError:  # no wheel for this platform, see pyproject.toml
     PyPardisoSolver = None
 
@@ -29,11 +29,22 @@ _POSITIVE_DEFINITE = 2
 """Pardiso's matrix type `mtype` for real symmetric positive definite matrices."""
 _ANALYSE_AND_FACTORISE, _SOLVE, _RELEASE = 12, 33, -1
 """Pardiso's phases."""
+_OWN_SETTINGS, _ORDERING_METHOD, _ORDERING_USE = 0, 1, 4
+"""Places in Pardiso's `iparm`, from 0: whether it holds settings, which ordering to compute, and how to use `perm`."""
+_NESTED_DISSECTION, _TAKE_ORDERING, _GIVE_ORDERING = 2, 1, 2
 
 
 @runtime_checkable
 class Factor(Protocol):
-    """A factorised matrix."""
+    """A factorised matrix.
+
+    Parameters
+    ----------
+    ordering : the fill-reducing permutation of the rows, for another matrix with the same pattern; None where the
+        solver keeps it to itself.
+    """
+
+    ordering: np.ndarray | None
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Solve A x = b for one right-hand side (n,) or several (n, k)."""
@@ -41,45 +52,75 @@ class Factor(Protocol):
 
 
 class _PardisoFactor:
-    def __init__(self, A: sp.csr_matrix) -> None:
-        # A copy of one template, with state of its own: making a solver searches the disk for the library, 0.3 s.
-        self._solver: Any = copy.copy(_pardiso_template())
-        for name in ("pt", "iparm", "perm"):
-            setattr(self._solver, name, np.zeros_like(getattr(self._solver, name)))
-        # Pardiso takes the upper triangle; 32-bit indices are the interface's only form.
-        self._upper = sp.csr_matrix(sp.triu(A, format="csr"))
-        self._upper.sort_indices()
-        self._solver.set_phase(_ANALYSE_AND_FACTORISE)
-        _mkl_threads(None if self._upper.get_shape()[0] >= PARALLEL_UNKNOWNS else 1)
+    """A factor that MKL owns; called directly, as pypardiso's own call converts the indices anew for every solve."""
+
+    def __init__(self, A: sp.csr_matrix, ordering: np.ndarray | None) -> None:
+        upper = sp.csr_matrix(sp.triu(A, format="csr"))  # all that Pardiso takes of a symmetric matrix
+        upper.sort_indices()
+        self._n = upper.get_shape()[0]
+        self._values = upper.data.astype(np.float64)
+        self._rows, self._columns = (1 + array.astype(np.int32) for array in (upper.indptr, upper.indices))
+        self._handle, self._settings = np.zeros(64, np.int64), np.zeros(64, np.int32)
+        self._settings[_OWN_SETTINGS], self._settings[_ORDERING_METHOD] = 1, _NESTED_DISSECTION
+        self._settings[_ORDERING_USE] = _GIVE_ORDERING if ordering is None else _TAKE_ORDERING
+        self.ordering = np.zeros(self._n, np.int32) if ordering is None else ordering
+        _pardiso()
+        _mkl_threads(None if self._n >= PARALLEL_UNKNOWNS else 1)
         try:
-            self._solver._call_pardiso(self._upper, np.zeros((self._upper.get_shape()[0], 1)))
-        except PyPardisoError as error:
-            raise ConvergenceError(_not_definite(str(error))) from error
+            self._call(_ANALYSE_AND_FACTORISE, np.zeros(1), np.zeros(1), 1)
         finally:
             _mkl_threads(1)
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        self._solver.set_phase(_SOLVE)
-        x = self._solver._call_pardiso(self._upper, np.asfortranarray(b.reshape(len(b), -1)))
+        right = np.array(b.reshape(len(b), -1), np.float64, order="F")
+        x = np.empty_like(right, order="F")
+        self._call(_SOLVE, right, x, right.shape[1])
         return np.ascontiguousarray(x).reshape(b.shape)
+
+    def _call(self, phase: int, b: np.ndarray, x: np.ndarray, columns: int) -> None:
+        error = ctypes.c_int32(0)
+        _pardiso()(
+            _pointer(self._handle),
+            _integer(1),  # factors kept in this handle,
+            _integer(1),  # and which of them
+            _integer(_POSITIVE_DEFINITE),
+            _integer(phase),
+            _integer(self._n),
+            *map(_pointer, (self._values, self._rows, self._columns, self.ordering)),
+            _integer(columns),
+            _pointer(self._settings),
+            _integer(0),  # no messages
+            *map(_pointer, (b, x)),
+            ctypes.byref(error),
+        )
+        if error.value:
+            raise ConvergenceError(_not_definite(f"Pardiso's error {error.value}"))
 
     def __del__(self) -> None:
         # Pardiso owns the factor outside Python; without this phase its memory lives until the process ends.
-        solver = getattr(self, "_solver", None)
-        if solver is not None:
-            solver.set_phase(_RELEASE)
+        if hasattr(self, "ordering"):
             try:
-                solver._call_pardiso(sp.csr_matrix((0, 0)), np.zeros((0, 1)))
-            except (PyPardisoError, ValueError, TypeError):  # at interpreter shutdown the library may be gone already
+                self._call(_RELEASE, np.zeros(1), np.zeros(1), 1)
+            except (ConvergenceError, TypeError, AttributeError):  # at shutdown the library may be gone already
                 return
 
 
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _integer(value: int) -> Any:
+    return ctypes.byref(ctypes.c_int32(value))
+
+
 @cache
-def _pardiso_template() -> Any:
+def _pardiso() -> Any:
+    """MKL's entry point; making pypardiso's solver searches the disk for the library, 0.3 s."""
     assert PyPardisoSolver is not None  # factorise asks before
-    template = PyPardisoSolver(mtype=_POSITIVE_DEFINITE)
+    entry = PyPardisoSolver(mtype=_POSITIVE_DEFINITE).libmkl["pardiso"]
+    entry.restype = None
     _mkl_threads(1)
-    return template
+    return entry
 
 
 def _mkl_threads(count: int | None) -> None:
@@ -88,10 +129,18 @@ def _mkl_threads(count: int | None) -> None:
     One for all solves: they are memory-bound and short, and threads that wait for each other between them cost ten
     times their work as soon as anything else runs on the machine.
     """
-    ThreadpoolController().select(internal_api="mkl").limit(limits=count or os.cpu_count())
+    _mkl().limit(limits=count or os.cpu_count())
+
+
+@cache
+def _mkl() -> ThreadpoolController:
+    """The threads of MKL, once it is loaded; looking for it again and again costs a millisecond."""
+    return ThreadpoolController().select(internal_api="mkl")
 
 
 class _SuperLUFactor:
+    ordering = None
+
     def __init__(self, A: sp.csr_matrix) -> None:
         try:
             # A symmetric mode ordering, without pivoting: the matrix is positive definite.
@@ -105,8 +154,14 @@ class _SuperLUFactor:
         return self._lu.solve(np.ascontiguousarray(b))
 
 
-def factorise(A: sp.spmatrix) -> Factor:
+def factorise(A: sp.spmatrix, ordering: np.ndarray | None = None) -> Factor:
     """Factorise a symmetric positive definite sparse matrix.
+
+    Parameters
+    ----------
+    A : (n, n) sparse.
+    ordering : the `ordering` of a factor of a matrix with the same pattern, if there is one. For scalar equations on a
+        mesh finding an ordering costs several times what the rest of the factorisation does.
 
     Raises
     ------
@@ -114,7 +169,7 @@ def factorise(A: sp.spmatrix) -> Factor:
         If the matrix is not positive definite to working precision.
     """
     A = sp.csr_matrix(A)
-    return _SuperLUFactor(A) if PyPardisoSolver is None else _PardisoFactor(A)
+    return _SuperLUFactor(A) if PyPardisoSolver is None else _PardisoFactor(A, ordering)
 
 
 def solver_name() -> str:
@@ -125,7 +180,7 @@ def solver_name() -> str:
 def measure_factorisation(A: sp.spmatrix, b: np.ndarray) -> tuple[Factor, np.ndarray, float]:
     """Factorise, solve once and say how many CPU seconds of this process both took (the report's `solver_unit_s`)."""
     if PyPardisoSolver is not None:
-        _pardiso_template()  # loading the library is no part of a factorisation
+        _pardiso()  # loading the library is no part of a factorisation
     start = time.process_time()
     factor = factorise(A)
     x = factor.solve(b)

@@ -12,6 +12,8 @@ import numpy as np
 
 SUFFICIENT_DECREASE = 1e-4
 """Armijo's constant (Nocedal and Wright, Eq. 3.4)."""
+ROUNDING = 1e-13
+"""A direction that promises less (relative to the value) than rounding makes is none."""
 SMALLEST_STEP = 1e-12
 """A line search that has shrunk its step to this gives up (relative to the step of the quasi-Newton model)."""
 
@@ -64,7 +66,7 @@ def minimize(
     for iteration in range(iterations):
         direction = _two_loop(gradient, pairs, scale, precondition)
         slope = float(np.vdot(direction, gradient))
-        if not slope < 0:
+        if not slope < -ROUNDING * abs(value):
             if not pairs:
                 return x, MinimizeReport(value, iteration, evaluations, True, "the gradient vanishes")
             pairs.clear()

@@ -214,7 +214,7 @@ class TetMesh:
     # --- assembly -----------------------------------------------------------------------------------------------
 
     @cached_property
-    def _stencil(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def stencil(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """CSR pattern (indptr, indices) that all P1 matrices share, and the entry of each local pair (n_t, 4, 4)."""
         n_v, n_e = len(self.vertices), len(self.edges)
         i, j = self.edges.T
@@ -237,18 +237,9 @@ class TetMesh:
 
     def assemble(self, local: Float[np.ndarray, "n_t 4 4"]) -> sp.csr_matrix:
         """Sum element matrices into the sparse (n_v, n_v) matrix; an order faster than through triplets."""
-        indptr, indices, entry = self._stencil
+        indptr, indices, entry = self.stencil
         data = np.bincount(entry.ravel(), local.ravel(), len(indices))
         return sp.csr_matrix((data, indices.copy(), indptr.copy()), shape=(len(self.vertices),) * 2)
-
-    def assemble_blocks(self, local: Float[np.ndarray, "n_t 4 4 3 3"]) -> sp.bsr_matrix:
-        """Sum element matrices of vector functions, block (a, b) of tet t in ``local[t, a, b]``, to (3 n_v, 3 n_v)."""
-        indptr, indices, entry = self._stencil
-        data = np.empty((len(indices), 3, 3))
-        for i in range(3):
-            for j in range(3):
-                data[:, i, j] = np.bincount(entry.ravel(), local[..., i, j].ravel(), len(indices))
-        return sp.bsr_matrix((data, indices.copy(), indptr.copy()), shape=(3 * len(self.vertices),) * 2)
 
     def laplacian(self, weights: Float[np.ndarray, " n_t"] | None = None) -> sp.csr_matrix:
         """The matrix of the Dirichlet form: integral over the part of w grad f . grad g; w = 1 by default."""

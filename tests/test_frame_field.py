@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from shapes import box_mesh, cantilever, renumbered, turned
 
+from michell_cad.constant_frames import constant_frames
 from michell_cad.elasticity import StressField, solve_elasticity
-from michell_cad.frame_field import FrameFieldOptions, constant_frames, fit_frame_field, matching_metric
+from michell_cad.frame_field import FrameFieldOptions, fit_frame_field, matching_metric
 from michell_cad.matching_energy import add_tets
 from michell_cad.metrics import misalignment, shear_residual
 from michell_cad.rotations import rotation_matrix

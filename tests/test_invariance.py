@@ -10,9 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 from shapes import ABS, box_mesh, cantilever, renumbered, turned
 
+from michell_cad.constant_frames import constant_frames
 from michell_cad.domain import read_part
 from michell_cad.elasticity import solve_elasticity
-from michell_cad.frame_field import constant_frames, fit_frame_field, matching_metric
+from michell_cad.frame_field import fit_frame_field, matching_metric
 from michell_cad.job import Setup, build_problem
 from michell_cad.metrics import shear_residual, uncarried_stress
 from michell_cad.parametrization import ParametrizationOptions, parametrize

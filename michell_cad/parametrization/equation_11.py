@@ -56,14 +56,14 @@ def integrate_frames(mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacin
     along = np.einsum("tad,tdj->taj", mesh.hat_gradients, frames, optimize=True)
     phi = np.zeros((len(mesh.vertices), 3))
     free = free_vertices(mesh)
-    factors = []
+    factors: list[Factor] = []
     for i in range(3):
         penalty = np.ones(3)
         penalty[i] = spacing_weight
         scaled = along * penalty
         A = mesh.assemble(np.einsum("t,taj,tbj->tab", weights, scaled, along, optimize=True))
         b = np.bincount(mesh.tets.ravel(), (weights[:, None] * scaled[:, :, i]).ravel(), len(phi))
-        factor = factorise(A[free][:, free])
+        factor = factorise(A[free][:, free], factors[0].ordering if factors else None)
         phi[free, i] = factor.solve(b[free])
         factors.append(factor)
     return LeastSquaresMap(centre_parts(mesh, phi), weights, tuple(factors), free)

@@ -15,15 +15,8 @@ from jaxtyping import Float
 
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.minimize import minimize
+from michell_cad.parametrization.barrier_energy import add_tets
 from michell_cad.parametrization.equation_11 import LeastSquaresMap
-from michell_cad.parametrization.jacobians import (
-    Components,
-    MapDerivative,
-    cofactors,
-    determinants,
-    product,
-    transposed,
-)
 from michell_cad.parametrization.quality import count_double_wound_edges
 from michell_cad.tet_mesh import TetMesh
 
@@ -41,16 +34,8 @@ _STIFFEN = 4.0
 _INTERIOR_WEIGHTS, _INTERIOR_ITERATIONS = (100.0, 10.0, 1.0), 100
 
 
-def barrier(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """psi(s) = (1 - s)^2/s for 0 < s < 1, else 0, and its derivative; s must be positive."""
-    inside = s < 1
-    s = np.where(inside, s, 1.0)
-    return (1 - s) ** 2 / s, np.where(inside, 1 - 1 / (s * s), 0.0)
-
-
 def remove_folds(
     mesh: TetMesh,
-    derivative: MapDerivative,
     frames: Float[np.ndarray, "n_t 3 3"],
     spacing_weight: float,
     linear: LeastSquaresMap,
@@ -65,7 +50,7 @@ def remove_folds(
     ConvergenceError
         If neither way ends in a map without inverted tets and doubly wound edges.
     """
-    energy = _BarrierEnergy(derivative, frames, spacing_weight, linear)
+    energy = _BarrierEnergy(mesh, frames, spacing_weight, linear)
     phi = _untangle(energy, linear)
     progress(0.5)
     if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0:
@@ -91,7 +76,7 @@ def remove_folds(
 class _BarrierEnergy:
     """Value and gradient of Eq. 11 with barrier; `eps` and `stiffness` vary from round to round."""
 
-    derivative: MapDerivative
+    mesh: TetMesh
     frames: Float[np.ndarray, "n_t 3 3"]
     spacing_weight: float
     linear: LeastSquaresMap
@@ -101,44 +86,37 @@ class _BarrierEnergy:
     """The smallest det - d0 at the last evaluation."""
 
     def __post_init__(self) -> None:
-        self._R = np.ascontiguousarray(self.frames.transpose(1, 2, 0))
-        J = self.derivative.jacobians(self.linear.phi)
-        self.scale = float(np.median(determinants(J, cofactors(J))))
+        self.scale = float(np.median(self._determinants(self.linear.phi)))
         if self.scale <= 0:  # a map this bad says nothing about scale; the frames' own is 1
             self.scale = 1.0
         self.d0, self.dh = LEAST_DETERMINANT * self.scale, BARRIER_WIDTH * self.scale
-        mean_energy = self._equation_11(J)[0] / self.linear.weights.sum()
-        self.mu = BARRIER_WEIGHT * max(mean_energy, np.finfo(float).eps)
+        self.mu = 0.0
+        self.eps = self.dh  # any: without weight the barrier only must not stop the evaluation
+        mean_energy = self(self.linear.phi)[0] / self.linear.weights.sum()
+        self.mu, self.eps = BARRIER_WEIGHT * max(mean_energy, np.finfo(float).eps), 0.0
 
     def feasible(self, phi: np.ndarray) -> bool:
-        J = self.derivative.jacobians(phi)
-        return bool(determinants(J, cofactors(J)).min() > self.d0)
+        return bool(self._determinants(phi).min() > self.d0)
 
     def __call__(self, phi: np.ndarray) -> tuple[float, np.ndarray]:
-        w = self.linear.weights
-        J = self.derivative.jacobians(phi)
-        C = cofactors(J)
-        d = determinants(J, C) - self.d0
-        self.least = float(d.min())
-        if self.eps == 0 and self.least <= 0:
-            return np.inf, phi
-        value, P = self._equation_11(J)
-        root = np.sqrt(self.eps**2 + d * d)
-        # chi = (d + root)/2, for negative d in the form that does not cancel
-        chi = np.where(d > 0, (d + root) / 2, self.eps**2 / (2 * (root - np.minimum(d, 0.0))))
-        psi, slope = barrier(chi / self.dh)
-        mu = self.mu * self.stiffness
-        value += mu * float(w @ psi)
-        P += (mu / self.dh) * (w * slope * chi / root) * C  # d chi / d d = chi / root
-        return value, self.derivative.pull_back(P)
+        gradient = np.zeros_like(phi)
+        value, self.least = add_tets(
+            self.mesh.tets,
+            self.mesh.hat_gradients,
+            self.frames,
+            phi,
+            self.linear.weights,
+            self.spacing_weight,
+            self.mu * self.stiffness,
+            self.d0,
+            self.dh,
+            self.eps,
+            gradient,
+        )
+        return value, gradient
 
-    def _equation_11(self, J: Components) -> tuple[float, Components]:
-        D = product(J, self._R)
-        penalty = np.ones((3, 3, 1))
-        penalty[range(3), range(3)] = self.spacing_weight
-        D[range(3), range(3)] -= 1
-        weighted = self.linear.weights * penalty * D
-        return float(np.vdot(weighted, D)), 2 * product(weighted, transposed(self._R))
+    def _determinants(self, phi: np.ndarray) -> np.ndarray:
+        return np.linalg.det(self.mesh.gradients(phi))
 
 
 def _untangle(energy: _BarrierEnergy, linear: LeastSquaresMap) -> np.ndarray:

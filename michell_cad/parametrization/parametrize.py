@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from michell_cad.arrays import freeze, require
+from michell_cad.constant_frames import constant_frames
 from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
-from michell_cad.frame_field import FrameField, constant_frames, matching_metric
+from michell_cad.frame_field import FrameField, matching_metric
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
-from michell_cad.parametrization.jacobians import MapDerivative
 from michell_cad.parametrization.phase import choose_phases
 from michell_cad.parametrization.stress_following import follow_stress
 from michell_cad.part_axes import part_axes
@@ -123,12 +123,9 @@ def parametrize(
         If no fold-free map was found.
     """
     options = options or ParametrizationOptions()
-    derivative = MapDerivative(mesh)
     linear = integrate_frames(mesh, frame_field.frames, options.spacing_weight)
     share = 0.2 if options.follow_stress else 1.0
-    phi = remove_folds(
-        mesh, derivative, frame_field.frames, options.spacing_weight, linear, lambda f: progress(share * f)
-    )
+    phi = remove_folds(mesh, frame_field.frames, options.spacing_weight, linear, lambda f: progress(share * f))
     progress(share)
     if options.follow_stress:
         metric, _ = matching_metric(stress_field.stress)
@@ -139,6 +136,7 @@ def parametrize(
             stress_field.stress,
             options.spacing_weight,
             starts,
+            linear.factors[0].ordering,
             lambda f: progress(share + (1 - share) * f),
         )
     return Parametrization(mesh, centre_parts(mesh, phi))

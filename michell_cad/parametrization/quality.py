@@ -1,12 +1,13 @@
 """Whether a parametrization is injective, locally: positive determinants, and edges that wind once."""
 
+from inspect import unwrap
+from typing import Any
+
+import numba
 import numpy as np
 from jaxtyping import Float
 
-from michell_cad.tet_mesh import _LOCAL_EDGES, TetMesh
-
-_OPPOSITE = np.array([[2, 3], [1, 3], [1, 2], [0, 3], [0, 2], [0, 1]])
-"""The two other vertices of a tet, for each of its edges."""
+from michell_cad.tet_mesh import TetMesh
 
 WINDING_TOLERANCE = 1e-3
 """Radians by which the angles around an edge may miss 2 pi; a doubly wound edge misses it by 2 pi."""
@@ -18,14 +19,39 @@ def count_double_wound_edges(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> 
     With all determinants positive the sum is a multiple of 2 pi: 4 pi where the map winds around the edge twice, which
     no determinant shows.
     """
-    y = phi[mesh.tets]
-    axis = y[:, _LOCAL_EDGES[:, 1]] - y[:, _LOCAL_EDGES[:, 0]]
-    axis = axis / np.maximum(np.linalg.norm(axis, axis=2, keepdims=True), np.finfo(float).tiny)
-    sides = y[:, _OPPOSITE] - y[:, _LOCAL_EDGES[:, 0]][:, :, None]
-    sides = sides - np.einsum("tesd,ted->tes", sides, axis)[..., None] * axis[:, :, None]
-    cross = np.linalg.norm(np.cross(sides[:, :, 0], sides[:, :, 1]), axis=2)
-    angles = np.arctan2(cross, np.einsum("ted,ted->te", sides[:, :, 0], sides[:, :, 1]))
-    total = np.bincount(mesh.tet_edges.ravel(), angles.ravel(), len(mesh.edges))
+    total = np.zeros(len(mesh.edges))
+    _add_angles(mesh.tets, mesh.tet_edges, phi, total)
     n_v = len(mesh.vertices)
     boundary = np.isin(mesh.edges @ [n_v, 1], mesh.boundary_edges @ [n_v, 1])
     return int((np.abs(total[~boundary] - 2 * np.pi) > WINDING_TOLERANCE).sum())
+
+
+def _add_dihedral_angles(tets: Any, tet_edges: Any, phi: Any, total: Any) -> None:
+    """Add the dihedral angles of all tets of the map phi to those of their edges (01, 02, 03, 12, 13, 23)."""
+    corners = np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 0, 2], [2, 3, 0, 1]])
+    axis, left, right = np.empty(3), np.empty(3), np.empty(3)
+    for t in range(len(tets)):
+        for e in range(6):
+            a, b, c, d = (
+                tets[t, corners[e, 0]],
+                tets[t, corners[e, 1]],
+                tets[t, corners[e, 2]],
+                tets[t, corners[e, 3]],
+            )
+            for i in range(3):
+                axis[i], left[i], right[i] = phi[b, i] - phi[a, i], phi[c, i] - phi[a, i], phi[d, i] - phi[a, i]
+            # With u the axis: |u| sin and cos of the angle between u x left and u x right, both times the same factor.
+            uu = axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2
+            ul = axis[0] * left[0] + axis[1] * left[1] + axis[2] * left[2]
+            ur = axis[0] * right[0] + axis[1] * right[1] + axis[2] * right[2]
+            lr = left[0] * right[0] + left[1] * right[1] + left[2] * right[2]
+            det = (
+                axis[0] * (left[1] * right[2] - left[2] * right[1])
+                + axis[1] * (left[2] * right[0] - left[0] * right[2])
+                + axis[2] * (left[0] * right[1] - left[1] * right[0])
+            )
+            total[tet_edges[t, e]] += np.arctan2(np.sqrt(uu) * abs(det), uu * lr - ul * ur)
+
+
+# The plain function: a checker of types that wraps every function of the package cannot be compiled.
+_add_angles = numba.njit(cache=True, error_model="numpy")(unwrap(_add_dihedral_angles))

@@ -43,6 +43,7 @@ def follow_stress(
     stress: Float[np.ndarray, "n_t 3 3"],
     spacing_weight: float,
     starts: Sequence[Float[np.ndarray, "n_v 3"]],
+    ordering: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[Float[np.ndarray, "n_v 3"], tuple[float, ...]]:
     """Minimise the energy of this module from injective starts; the best map and the energies all starts reached.
@@ -64,7 +65,7 @@ def follow_stress(
             phi, report = minimize(
                 energy,
                 phi,
-                _laplacian_preconditioner(mesh, stiffness),
+                _laplacian_preconditioner(mesh, stiffness, ordering),
                 memory=_MEMORY,
                 iterations=_ITERATIONS,
                 tolerance=_TOLERANCE,
@@ -92,13 +93,15 @@ def _spacing_rounds(spacing_weight: float) -> list[float]:
     return rounds
 
 
-def _laplacian_preconditioner(mesh: TetMesh, weights: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _laplacian_preconditioner(
+    mesh: TetMesh, weights: np.ndarray, ordering: np.ndarray | None
+) -> Callable[[np.ndarray], np.ndarray]:
     """The inverse of sum_t w_t |grad f|^2, near the Hessian of the energy: per tet, without volumes, as the energy is.
 
     With the energy's own dimension (1/mm^2) the first step has the right length whatever the size of the part.
     """
     free = free_vertices(mesh)
-    factor = factorise(mesh.laplacian(weights / mesh.volumes)[free][:, free])
+    factor = factorise(mesh.laplacian(weights / mesh.volumes)[free][:, free], ordering)
 
     def precondition(gradient: np.ndarray) -> np.ndarray:
         step = np.zeros_like(gradient)  # zero at the pins: a translation changes nothing
