@@ -1,4 +1,4 @@
-"""The energy of `fold_barrier`, tet by tet, compiled: one pass gathers the map, adds the energy, scatters its gradient."""
+"""The energy of `fold_barrier`, tet by tet, compiled: one pass gathers the map, adds energy and gradient."""
 
 from inspect import unwrap
 from typing import Any
@@ -75,4 +75,4 @@ def _add_tets(
 
 
 # The plain function: a checker of types that wraps every function of the package cannot be compiled.
-add_tets = numba.njit(cache=True, error_model="numpy")(unwrap(_add_tets))
+add_tets = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "arcp", "nsz"})(unwrap(_add_tets))

@@ -109,4 +109,4 @@ def _add_tets(
 
 
 # The plain function: a checker of types that wraps every function of the package cannot be compiled.
-add_tets = numba.njit(cache=True, error_model="numpy")(unwrap(_add_tets))
+add_tets = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "arcp", "nsz"})(unwrap(_add_tets))

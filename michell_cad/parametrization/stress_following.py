@@ -31,8 +31,12 @@ SPACING_PER_WEIGHT = 0.1
 _FIRST_SPACING = 0.3
 _SPACING_STEP = 10**0.5
 """k_s falls by this factor from round to round."""
-_TRIAL_SPACING = 0.09
-"""Smallest k_s at which all starts are still followed."""
+_TRIAL_ITERATIONS = 30
+"""The first round of each start is cut off here; what is still far down the field then has not come first in any of
+the problems of the paper."""
+_RIVAL, _SAME = 1.03, 1.001
+"""Starts go on while their energy is within the first factor of the lowest one; those within the second of each other
+have found the same map."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
 _LAST_PATIENCE = 8
 """Idle steps that end the last round: symmetric parts rest on a saddle for some, before rounding tips them over."""
@@ -46,43 +50,61 @@ def follow_stress(
     ordering: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[Float[np.ndarray, "n_v 3"], tuple[float, ...]]:
-    """Minimise the energy of this module from injective starts; the best map and the energies all starts reached.
+    """Minimise the energy of this module from injective starts; the best map, and the energies after the first round.
 
-    All starts are followed while k_s is at least `_TRIAL_SPACING`; only the best of them goes on from there: their
-    order hardly ever changes later, and the later rounds cost most.
+    All starts take part in the first round, the rivals of the best one in the second, and the best of these goes on
+    alone: the order hardly ever changes later, and the later rounds cost most.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+    stress : (n_t, 3, 3), MPa.
+    spacing_weight : the paper's beta.
+    starts : injective maps of any scale.
+    ordering : of a `linear_solver.Factor` of a scalar system on the free vertices of this mesh, if there is one.
+    progress : called with the finished fraction of the work.
     """
     energy = _FollowingEnergy(mesh, stress)
     rounds = _spacing_rounds(spacing_weight)
-    trial = [spacing for spacing in rounds if spacing >= _TRIAL_SPACING] or rounds[:1]
-    final = rounds[len(trial) :]
-    done, steps = 0, len(starts) * len(trial) + len(final)
 
-    def descend(phi: np.ndarray, spacings: Sequence[float]) -> tuple[float, np.ndarray]:
-        nonlocal done
-        value = np.inf
-        for energy.spacing in spacings:
-            stiffness = energy.weights_stress + 8 * energy.spacing * energy.weights_volume
-            phi, report = minimize(
-                energy,
-                phi,
-                _laplacian_preconditioner(mesh, stiffness, ordering),
-                memory=_MEMORY,
-                iterations=_ITERATIONS,
-                tolerance=_TOLERANCE,
-                patience=_LAST_PATIENCE if energy.spacing == rounds[-1] else PATIENCE,
-            )
-            value = report.value
-            done += 1
-            progress(done / steps)
-        return value, phi
+    def descend(phi: np.ndarray, number: int, precondition: Callable) -> tuple[float, np.ndarray]:
+        energy.spacing = rounds[number]
+        last = number == len(rounds) - 1
+        phi, report = minimize(
+            energy,
+            phi,
+            precondition,
+            memory=_MEMORY,
+            iterations=_ITERATIONS if number or last else _TRIAL_ITERATIONS,
+            tolerance=_TOLERANCE,
+            patience=_LAST_PATIENCE if last else PATIENCE,
+        )
+        return report.value, phi
 
-    found = []
-    for phi in starts:
-        scale = np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
-        found.append(descend(np.ascontiguousarray(phi / scale), trial))
-    values = tuple(value for value, _ in found)
-    phi = found[int(np.argmin(values))][1]
-    return (descend(phi, final)[1] if final else phi), values
+    found = [(np.inf, np.ascontiguousarray(phi / _scale(mesh, phi))) for phi in starts]
+    energies: tuple[float, ...] = ()
+    for number, spacing in enumerate(rounds):
+        stiffness = energy.weights_stress + 8 * spacing * energy.weights_volume
+        precondition = _laplacian_preconditioner(mesh, stiffness, ordering)
+        found = sorted((descend(phi, number, precondition) for _, phi in found), key=lambda entry: entry[0])
+        energies = energies or tuple(value for value, _ in found)
+        found = _rivals(found) if number == 0 else found[:1]
+        progress((number + 1) / len(rounds))
+    return found[0][1], energies
+
+
+def _rivals(found: list[tuple[float, np.ndarray]]) -> list[tuple[float, np.ndarray]]:
+    """Of maps in the order of their energies those that may still come first, see `_RIVAL`."""
+    kept = found[:1]
+    for value, phi in found[1:]:
+        if _SAME * kept[-1][0] < value < _RIVAL * found[0][0]:
+            kept.append((value, phi))
+    return kept
+
+
+def _scale(mesh: TetMesh, phi: np.ndarray) -> float:
+    """The edge of a cell as large as the median one."""
+    return float(np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3))
 
 
 def _spacing_rounds(spacing_weight: float) -> list[float]:
