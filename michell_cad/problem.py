@@ -12,13 +12,11 @@ from jaxtyping import Bool, Float, Int
 
 from michell_cad.arrays import freeze, require
 from michell_cad.errors import InvalidInputError
+from michell_cad.rigid_motions import free_motions, name_motions, rigid_motions
 from michell_cad.tet_mesh import TetMesh
 
 GRAVITY = 9.80665
 """Standard acceleration of gravity, m/s^2 (3rd CGPM, 1901)."""
-
-RANK_TOLERANCE = 1e-9
-"""Singular values of the held rigid motions below this fraction of the largest one count as zero (relative)."""
 
 
 @dataclass(frozen=True)
@@ -136,19 +134,9 @@ def free_rigid_motions(mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"]) -> list[
         inside = parts == part
         x = mesh.vertices[inside]
         x = (x - x.mean(0)) / max(np.ptp(x, axis=0).max(), np.finfo(float).tiny)
-        rows = np.zeros((len(x), 3, 6))
-        rows[:, [0, 1, 2], [0, 1, 2]] = 1
-        for axis in range(3):
-            rows[:, :, 3 + axis] = np.cross(np.eye(3)[axis], x)
-        held = rows[fixed[inside]]
-        normal = held.T @ held
-        values, vectors = np.linalg.eigh(normal)
-        free = vectors[:, values <= RANK_TOLERANCE * max(values.max(), 1.0)]
+        free = free_motions(rigid_motions(x)[fixed[inside]])
         where = f" (part {part + 1} of {parts.max() + 1})" if parts.max() else ""
-        for motion in free.T:
-            k = int(np.argmax(np.abs(motion)))
-            what = f"it can move along {'xyz'[k]}" if k < 3 else f"it can turn about {'xyz'[k - 3]}"
-            motions.append(what + where)
+        motions += [motion + where for motion in name_motions(free)]
     return list(dict.fromkeys(motions))
 
 

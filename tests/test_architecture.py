@@ -25,8 +25,10 @@ NUMERICS = (
     "pipeline",
     "problem",
     "report",
+    "rigid_motions",
     "rotations",
     "splines",
+    "strength",
     "tet_mesh",
     "truss",
 )
