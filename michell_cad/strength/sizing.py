@@ -1,12 +1,14 @@
 """Radii that suit the loads: every member gets the area that its share of the work asks for, at a given total volume.
 
-Two criteria, both met by resizing A_m <- A_m (d_m / lambda)^eta within bounds, lambda such that the volume is kept:
+Two criteria, both met by resizing A_m <- A_m (d_m / lambda)^eta_m within bounds, lambda such that the volume is kept:
 
 1. "compliance": the least compliance sum_c w_c f_c . u_c. Its derivative by the area A of a member is -(e2 + 2 e4) / A
    with the member's energies e2 (axial and shear, which go with 1 / A) and e4 (bending and torsion, with 1 / A^2), so at
    the optimum d = (e2 + 2 e4) / (A L) is the same for all members within their bounds (Prager's criterion; Rozvany,
-   Structural Design via Optimality Criteria, 1989). eta = 1/2 is exact in one step where only fixed axial forces act.
+   Structural Design via Optimality Criteria, 1989).
 2. "stress": all members within their bounds reach the same peak stress d in the worst case: the fully stressed design.
+
+The exponent that is exact where the forces do not change is one over the power of A with which d falls.
 """
 
 from dataclasses import dataclass, replace
@@ -28,14 +30,15 @@ from michell_cad.truss import SizedTruss, Truss
 SMALLEST_RADIUS_SHARE = 0.2
 """Default smallest radius over the radius of equal members of the same volume: 4 % of their area."""
 
-_EXPONENT = {"compliance": 0.5, "stress": 0.8}
-"""eta. A peak stress goes with 1 / A (axial) to A^-1.5 (bending)."""
+RELAXATION = {"compliance": 1.6, "stress": 1.0}
+"""Factor of the exponents that are exact at fixed forces. Stiffer members draw force, so the compliance falls twice as
+fast with a factor between 1.4 and 1.7; with 1.9 it oscillates."""
 
 LARGEST_STEP = 4.0
 """An area changes by this factor at most in one step."""
 
-BISECTIONS = 200
-"""Halvings of the interval of log lambda; more than double precision can tell apart."""
+BISECTIONS = 100
+"""Halvings of the interval of log lambda: to the last digit."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class SizingOptions:
     largest_radius : mm. Default: `LARGEST_RADIUS_RATIO` of the spacing.
     straight : whether members are taken along their chords or along their curves.
     tolerance : relative. The radii have converged when the mean change of the areas in a step, weighted by volume, has
-        fallen to this. 1e-3 is within 1e-4 of the compliance after five times as many steps on the paper's problems.
+        fallen to this. 5e-3 takes 20 to 40 steps on the paper's problems and is within 1 % of the least compliance.
     steps : largest number.
     """
 
@@ -57,11 +60,10 @@ class SizingOptions:
     smallest_radius: float | None = None
     largest_radius: float | None = None
     straight: bool = True
-    tolerance: float = 1e-3
+    tolerance: float = 5e-3
     steps: int = 200
 
     def __post_init__(self) -> None:
-        require(self.criterion in _EXPONENT, f"unknown criterion {self.criterion!r}: compliance or stress")
         require(0 < self.tolerance < 1, f"tolerance must lie between 0 and 1, found {self.tolerance}")
         require(self.steps >= 1, f"steps must be at least 1, found {self.steps}")
         for name in ("smallest_radius", "largest_radius"):
@@ -113,7 +115,6 @@ def size_members(
     lengths = np.bincount(model.member_of_element, model.lengths, len(truss.members))
     smallest, largest = _area_bounds(truss, lengths, volume, options)
     areas = np.full(len(lengths), volume / lengths.sum())
-    exponent = _EXPONENT[options.criterion]
     compliances: list[float] = []
     change = np.inf
     for _ in range(options.steps):
@@ -121,10 +122,10 @@ def size_members(
         compliances.append(float(loading.weights @ solution.compliances))
         if change <= options.tolerance:
             break
-        demand = _demand(solution, loading, areas * lengths, options.criterion)
+        demand, exponent = _demand(solution, loading, areas * lengths, options.criterion)
         low = np.maximum(smallest, areas / LARGEST_STEP)
         high = np.minimum(largest, areas * LARGEST_STEP)
-        new = _areas_of_volume(areas * demand**exponent, low, high, lengths, volume)
+        new = _resize(areas, demand, exponent, (low, high), lengths, volume)
         change = float(np.abs(np.log(new / areas)) @ (areas * lengths) / volume)
         areas = new
     report = SizingReport(change <= options.tolerance, tuple(compliances), change)
@@ -141,13 +142,17 @@ def _with_areas(model: BeamModel, areas: np.ndarray) -> BeamModel:
     return replace(model, radii=np.broadcast_to(radii[:, None], model.radii.shape))
 
 
-def _demand(solution: BeamSolution, loading: TrussLoading, volumes: np.ndarray, criterion: str) -> np.ndarray:
-    """d of every member, in units of its mean."""
+def _demand(
+    solution: BeamSolution, loading: TrussLoading, volumes: np.ndarray, criterion: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """d of every member, in units of its mean, and eta."""
+    stretching, bending = np.einsum("c,cmj->jm", loading.weights, solution.energies)
+    share = bending / np.maximum(stretching + bending, np.finfo(float).tiny)
     if criterion == "stress":
-        demand = solution.peak_stress.max(0)
+        demand, power = solution.peak_stress.max(0), 1 + share / 2
     else:
-        demand = np.einsum("c,cmj,j->m", loading.weights, solution.energies, np.array([1.0, 2.0])) / volumes
-    return np.maximum(demand / demand.mean(), np.finfo(float).tiny)
+        demand, power = (stretching + 2 * bending) / volumes, 2 + share
+    return np.maximum(demand / demand.mean(), np.finfo(float).tiny), RELAXATION[criterion] / power
 
 
 def _area_bounds(
@@ -167,18 +172,31 @@ def _area_bounds(
     return np.pi * smallest**2, np.pi * largest**2
 
 
-def _areas_of_volume(
-    wanted: np.ndarray, low: np.ndarray, high: np.ndarray, lengths: np.ndarray, volume: float
+def _resize(
+    areas: np.ndarray,
+    demand: np.ndarray,
+    exponent: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    lengths: np.ndarray,
+    volume: float,
 ) -> np.ndarray:
-    """clip(wanted * mu, low, high) with the factor mu at which these areas have the volume.
+    """clip(A (d / lambda)^eta, low, high) with the lambda at which these areas have the volume.
 
-    Between the factors at which all are at their lower and all at their upper bound, the volume never falls.
+    Between the values of lambda at which all are at their upper and all at their lower bound, the volume never rises.
     """
-    a, b = np.log((low / wanted).min()), np.log((high / wanted).max())
+    low, high = bounds
+
+    def at(log_multiplier: float) -> np.ndarray:
+        # Demands without bound cannot overflow: they are clipped as logarithms.
+        logs = np.log(areas) + exponent * (np.log(demand) - log_multiplier)
+        return np.exp(np.clip(logs, np.log(low), np.log(high)))
+
+    a = (np.log(demand) - np.log(high / areas) / exponent).min()
+    b = (np.log(demand) - np.log(low / areas) / exponent).max()
     for _ in range(BISECTIONS):
         middle = (a + b) / 2
-        if np.clip(wanted * np.exp(middle), low, high) @ lengths < volume:
+        if at(middle) @ lengths > volume:
             a = middle
         else:
             b = middle
-    return np.clip(wanted * np.exp((a + b) / 2), low, high)
+    return at((a + b) / 2)

@@ -51,10 +51,10 @@ def test_forces_and_stresses_of_a_cantilever():
     np.testing.assert_allclose(solution.bending_moment[0, 0], [3 * L, 1.5 * L, 0], rtol=EXACT, atol=1e-8)
     sigma, tau = 5 / A + 3 * L * R / I, 40 * R / (2 * I)
     assert solution.peak_stress[0, 0] == pytest.approx(np.sqrt(sigma**2 + 3 * tau**2), rel=EXACT)
-    # On the first node: what holds the cantilever, in local axes (y = global z cross x, z = -y ... by the rule).
+    # Local y is global y cross x = -z, local z is global y.
     np.testing.assert_allclose(solution.local_axes[0], [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-15)
     np.testing.assert_allclose(solution.local_end_forces[0, 0, 1], [5, 3, 0, 40, 0, 0], rtol=EXACT, atol=1e-8)
-    np.testing.assert_allclose(solution.local_end_forces[0, 0, 0], [-5, -3, 0, -40, 0, 3 * L], rtol=EXACT, atol=1e-8)
+    np.testing.assert_allclose(solution.local_end_forces[0, 0, 0], [-5, -3, 0, -40, 0, -3 * L], rtol=EXACT, atol=1e-8)
 
 
 @pytest.mark.parametrize("pieces", [1, 2])
@@ -64,7 +64,7 @@ def test_tapered_bar_by_integrals(pieces):
     u = solve_beams(model, loading(2, [0], *({1: np.eye(6)[d]} for d in (0, 2, 3)))).displacements[:, 1]
 
     def integral(f) -> float:
-        return L * quad(lambda s: f(s, float(member_radius(radii, np.array(s)))), 0, 1, epsabs=0, epsrel=1e-13)[0]
+        return L * quad(lambda s: f(s, float(member_radius(radii, np.array([s]))[0])), 0, 1, epsabs=0, epsrel=1e-13)[0]
 
     stretch = integral(lambda s, r: 1 / (E * np.pi * r**2))
     bend = integral(lambda s, r: (L * (1 - s)) ** 2 / (E * np.pi * r**4 / 4) + 1 / (KAPPA * G * np.pi * r**2))
