@@ -77,9 +77,7 @@ class BeamSolution:
     @cached_property
     def peak_stress(self) -> Float[np.ndarray, "n_c n_m"]:
         """Largest `von_mises` along each member, MPa."""
-        peak = np.zeros((len(self.compliances), len(self.model.truss.members)))
-        np.maximum.at(peak, (slice(None), self.model.member_of_element), self.von_mises.max(2))
-        return peak
+        return np.maximum.reduceat(self.von_mises.max(2), self.model.first_elements, axis=1)
 
     @cached_property
     def energies(self) -> Float[np.ndarray, "n_c n_m 2"]:
@@ -96,9 +94,7 @@ class BeamSolution:
         bending = self.bending_moment**2 / (E * inertia) + self.torque**2 / (2 * G * inertia)
         density = np.stack([stretching, bending], axis=-1)
         per_element = np.einsum("cekj,ek->cej", density, model.weights)
-        summed = np.zeros((len(density), len(model.truss.members), 2))
-        np.add.at(summed, (slice(None), model.member_of_element), per_element)
-        return summed
+        return np.add.reduceat(per_element, model.first_elements, axis=1)
 
     @cached_property
     def local_axes(self) -> Float[np.ndarray, "n_e 3 3"]:

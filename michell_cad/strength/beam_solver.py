@@ -24,6 +24,7 @@ from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.mechanism import require_no_loose_part
 
+
 def solve_beams(model: BeamModel, loading: TrussLoading) -> BeamSolution:
     """Solve K u = f for every load case.
 
@@ -71,9 +72,7 @@ def element_flexibility(model: BeamModel) -> Float[np.ndarray, "n_e 6 6"]:
     A = _along_and_across(
         model.tangents, model.weights / (E * area), model.weights / (model.shear_coefficient * G * area)
     )
-    B = _along_and_across(
-        model.tangents, model.weights / (2 * G * second_moment), model.weights / (E * second_moment)
-    )
+    B = _along_and_across(model.tangents, model.weights / (2 * G * second_moment), model.weights / (E * second_moment))
     arm = cross_matrix(model.nodes[model.elements[:, 1], None] - model.points)
     BS = B @ arm
     F = np.empty((len(model.elements), 6, 6))

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from michell_cad.arrays import freeze, require
 from michell_cad.problem import DesignProblem
@@ -42,7 +42,7 @@ ON_VERTICES = 1e-3
 """A vertex whose barycentric coordinate at a node is smaller than this does not move the node (relative to 1)."""
 
 NODES_PER_REGION = 3
-"""A held region that no node lies on holds so many of its nearest nodes."""
+"""A held region that no node lies on holds so many of the nodes nearest to its vertices."""
 
 CANDIDATES = 32
 """Tets whose centroids are nearest to a node and are tried first for holding it."""
@@ -110,7 +110,7 @@ def spread_forces(
     """Forces and moments on the nodes with the resultant force and moment of the forces at the points, case by case."""
     loaded = (forces != 0).any((0, 2))
     x, f = points[loaded], forces[:, loaded]
-    distance, near = cKDTree(nodes).query(x, k=min(NODES_PER_VERTEX, len(nodes)))
+    distance, near = KDTree(nodes).query(x, k=min(NODES_PER_VERTEX, len(nodes)))
     distance, near = distance.reshape(len(x), -1), near.reshape(len(x), -1)
     w = (1 - distance / (REACH * np.maximum(distance[:, -1:], np.finfo(float).tiny))) ** 2
     w /= w.sum(1, keepdims=True)
@@ -127,9 +127,9 @@ def spread_forces(
     on_nodes = np.concatenate(
         [f[:, :, None] + np.cross(omega[:, :, None], r), np.broadcast_to(left[:, :, None], (len(f), *r.shape))], axis=-1
     )
-    result = np.zeros((len(forces), len(nodes), 6))
-    np.add.at(result, (slice(None), near), w[:, :, None] * on_nodes)
-    return result
+    result = np.zeros((len(nodes), len(forces), 6))
+    np.add.at(result, near, np.moveaxis(w[:, :, None] * on_nodes, 0, 2))
+    return result.swapaxes(0, 1)
 
 
 def held_nodes(problem: DesignProblem, truss: Truss) -> Bool[np.ndarray, "n_n 6"]:
@@ -145,10 +145,11 @@ def held_nodes(problem: DesignProblem, truss: Truss) -> Bool[np.ndarray, "n_n 6"
     held[used, :3] = (fixed[mesh.tets[tets]] | ~moves[:, :, None]).all(1)
     # The held vertices on which each held node lies.
     below = {node: mesh.tets[t][on] for node, t, on in zip(used.tolist(), tets, moves, strict=True) if held[node].any()}
-    neighbours = _held_edges(mesh, fixed.any(1))
-    for region in _regions(neighbours, fixed.any(1)):
+    some = np.asarray(fixed.any(1))
+    neighbours = _held_edges(mesh, some)
+    for region in _regions(neighbours, some):
         if not any(np.isin(vertices, region).any() for vertices in below.values()):
-            distance, vertex = cKDTree(mesh.vertices[region]).query(truss.nodes[used])
+            distance, vertex = KDTree(mesh.vertices[region]).query(truss.nodes[used])
             for k in np.argsort(distance, kind="stable")[:NODES_PER_REGION]:
                 below[int(used[k])] = region[[vertex[k]]]
                 held[used[k], :3] |= fixed[region[vertex[k]]]
@@ -158,15 +159,13 @@ def held_nodes(problem: DesignProblem, truss: Truss) -> Bool[np.ndarray, "n_n 6"
     return held
 
 
-def locate(
-    mesh: TetMesh, points: Float[np.ndarray, "n 3"]
-) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 4"]]:
+def locate(mesh: TetMesh, points: Float[np.ndarray, "n 3"]) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 4"]]:
     """The tet that holds each point (the nearest to holding it) and the point's barycentric coordinates there."""
 
     def barycentric(tets: np.ndarray, x: np.ndarray) -> np.ndarray:
         return 0.25 + np.einsum("...ad,...d->...a", mesh.hat_gradients[tets], x - mesh.centroids[tets])
 
-    near = cKDTree(mesh.centroids).query(points, k=min(CANDIDATES, len(mesh.tets)))[1].reshape(len(points), -1)
+    near = KDTree(mesh.centroids).query(points, k=min(CANDIDATES, len(mesh.tets)))[1].reshape(len(points), -1)
     best = barycentric(near, points[:, None]).min(2).argmax(1)
     tets = near[np.arange(len(points)), best]
     for missed in np.flatnonzero(barycentric(tets, points).min(1) < -ON_VERTICES):

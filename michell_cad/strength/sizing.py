@@ -2,10 +2,10 @@
 
 Two criteria, both met by resizing A_m <- A_m (d_m / lambda)^eta_m within bounds, lambda such that the volume is kept:
 
-1. "compliance": the least compliance sum_c w_c f_c . u_c. Its derivative by the area A of a member is -(e2 + 2 e4) / A
-   with the member's energies e2 (axial and shear, which go with 1 / A) and e4 (bending and torsion, with 1 / A^2), so at
-   the optimum d = (e2 + 2 e4) / (A L) is the same for all members within their bounds (Prager's criterion; Rozvany,
-   Structural Design via Optimality Criteria, 1989).
+1. "compliance": the least compliance sum_c w_c f_c . u_c. Its derivative by the area A of a member is
+   -(e2 + 2 e4) / A with the member's energies e2 (axial and shear, which go with 1 / A) and e4 (bending and torsion,
+   with 1 / A^2), so at the optimum d = (e2 + 2 e4) / (A L) is the same for all members within their bounds (Prager's
+   criterion; Rozvany, Structural Design via Optimality Criteria, 1989).
 2. "stress": all members within their bounds reach the same peak stress d in the worst case: the fully stressed design.
 
 The exponent that is exact where the forces do not change is one over the power of A with which d falls.
@@ -165,8 +165,8 @@ def _area_bounds(
     largest = LARGEST_RADIUS_RATIO * truss.spacing if options.largest_radius is None else options.largest_radius
     require(
         smallest <= uniform <= largest,
-        f"a volume of {volume:.4g} mm^3 needs a mean radius of {uniform:.4g} mm, but members may have {smallest:.4g} to "
-        f"{largest:.4g} mm: choose a volume from {np.pi * smallest**2 * lengths.sum():.4g} to "
+        f"a volume of {volume:.4g} mm^3 needs a mean radius of {uniform:.4g} mm, but members may have "
+        f"{smallest:.4g} to {largest:.4g} mm: choose a volume from {np.pi * smallest**2 * lengths.sum():.4g} to "
         f"{np.pi * largest**2 * lengths.sum():.4g} mm^3, other bounds, or a truss of another resolution",
     )
     return np.pi * smallest**2, np.pi * largest**2

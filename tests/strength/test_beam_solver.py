@@ -179,7 +179,10 @@ def test_against_pynite():
     model = build_beam_model(sized, STEEL, shear_coefficient=np.inf)
     solution = solve_beams(model, loading(8, range(4), {6: (100, 0, -70, 0, 15, 0)}))
     u = np.array(
-        [[getattr(node, f"{kind}{axis}")["Combo 1"] for kind in "DR" for axis in "XYZ"] for node in other.nodes.values()]
+        [
+            [getattr(node, f"{kind}{axis}")["Combo 1"] for kind in "DR" for axis in "XYZ"]
+            for node in other.nodes.values()
+        ]
     )
     np.testing.assert_allclose(solution.displacements[0], u, atol=1e-6 * np.abs(u).max())
     axial = np.array([-member.f("Combo 1")[0, 0] for member in other.members.values()])
