@@ -149,7 +149,7 @@ def held_nodes(problem: DesignProblem, truss: Truss) -> Bool[np.ndarray, "n_n 6"
     neighbours = _held_edges(mesh, some)
     for region in _regions(neighbours, some):
         if not any(np.isin(vertices, region).any() for vertices in below.values()):
-            distance, vertex = KDTree(mesh.vertices[region]).query(truss.nodes[used])
+            distance, vertex = map(np.asarray, KDTree(mesh.vertices[region]).query(truss.nodes[used]))
             for k in np.argsort(distance, kind="stable")[:NODES_PER_REGION]:
                 below[int(used[k])] = region[[vertex[k]]]
                 held[used[k], :3] |= fixed[region[vertex[k]]]
