@@ -4,11 +4,11 @@ The smoothing of `elasticity` applies its operator up to 40 times; a pass of Num
 formula takes ten times as long as these two.
 """
 
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
+
+from michell_cad.compiled import compiled
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """The six components of a symmetric tensor, in the order in which the averaged stress is kept."""
@@ -74,6 +74,5 @@ def _add_averaged_force(
             row[2] += s[4] * x + s[3] * y + s[2] * z
 
 
-# The plain functions: a checker of types that wraps every function of the package cannot be compiled.
-add_stiffness = numba.njit(cache=True, error_model="numpy")(unwrap(_add_stiffness))
-add_averaged_force = numba.njit(cache=True, error_model="numpy")(unwrap(_add_averaged_force))
+add_stiffness = compiled(_add_stiffness)
+add_averaged_force = compiled(_add_averaged_force)

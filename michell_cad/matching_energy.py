@@ -4,11 +4,11 @@ One pass gathers the rotation vectors, adds the energy and scatters its gradient
 times as long, and the frame field evaluates this energy hundreds of times.
 """
 
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
+
+from michell_cad.compiled import compiled
 
 _SMALL_ANGLE = 1e-4
 """Below this angle (radians) the Taylor series are exact to double precision: their next terms are below 1e-16."""
@@ -65,5 +65,4 @@ def _add_tets(tets: Any, weights: Any, A: Any, w: Any, gradient: Any) -> float:
     return energy
 
 
-# The plain function: a checker of types that wraps every function of the package cannot be compiled.
-add_tets = numba.njit(cache=True, error_model="numpy")(unwrap(_add_tets))
+add_tets = compiled(_add_tets)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Bool, Float
 
 from michell_cad.tet_mesh import TetMesh
@@ -19,6 +20,43 @@ RANK_TOLERANCE = 1e-9
 MOST_BODIES = 200
 """Groups of more bodies that touch each other (a mesh in shreds) are left to the factorisation; their dense constraints
 would take longer than the design."""
+
+
+def rigid_motions(x: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 6"]:
+    """Displacements at the points `x` of the three unit translations and the three unit rotations about the origin.
+
+    Row d of point n is row d of [I, -[x]_x]. The transpose takes a force at x to its resultant force and moment.
+    """
+    rows = np.zeros((len(x), 3, 6))
+    rows[:, [0, 1, 2], [0, 1, 2]] = 1
+    for axis in range(3):
+        rows[:, :, 3 + axis] = np.cross(np.eye(3)[axis], x)
+    return rows
+
+
+def free_motions(held: Float[np.ndarray, "k m"]) -> Float[np.ndarray, "m j"]:
+    """Motions that vanish in every held component: an orthonormal basis (columns) of the null space of `held`.
+
+    Points should be given about the body's centre in units of its size, so that translations and rotations compare.
+    """
+    _, values, directions = np.linalg.svd(_reduced(held), full_matrices=True)
+    rank = int((values > RANK_TOLERANCE * max(values.max(initial=0.0), 1.0)).sum())
+    return directions[rank:].T
+
+
+def name_motions(motions: Float[np.ndarray, "6 j"]) -> list[str]:
+    """Say for a basis of motions what can move, in as many different names as it has columns."""
+    return [_name(k) for k in independent_components(motions)]
+
+
+def independent_components(motions: Float[np.ndarray, "m j"]) -> list[int]:
+    """j components (rows), ascending, by which the span of the j columns is known best: those of pivoted QR."""
+    _, _, order = scipy.linalg.qr(motions.T, mode="economic", pivoting=True)
+    return sorted(order[: motions.shape[1]].tolist())
+
+
+def _name(k: int) -> str:
+    return f"it can move along {'xyz'[k]}" if k < 3 else f"it can turn about {'xyz'[k - 3]}"
 
 
 def free_rigid_motions(mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"]) -> list[str]:
@@ -42,11 +80,10 @@ def free_rigid_motions(mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"]) -> list[
             continue
         if len(members) > MOST_BODIES:
             continue
-        for motion in _null_space(mesh, fixed, [vertices[body] for body in members]):
-            body, k = divmod(int(np.argmax(np.abs(motion))), 6)
-            what = f"it can move along {'xyz'[k]}" if k < 3 else f"it can turn about {'xyz'[k - 3]}"
+        for component in independent_components(_free_motions_of(mesh, fixed, [vertices[b] for b in members])):
+            body, k = divmod(component, 6)
             where = _place(mesh, vertices, members[body : body + 1], hangs=len(members) > 1) if n > 1 else ""
-            motions.append(what + where)
+            motions.append(_name(k) + where)
     return list(dict.fromkeys(motions))
 
 
@@ -56,21 +93,16 @@ def _place(mesh: TetMesh, vertices: list[np.ndarray], body: np.ndarray, hangs: b
     return f" (part {body[0] + 1} of {len(vertices)}, around ({x}) mm{joint})"
 
 
-def _null_space(
+def _free_motions_of(
     mesh: TetMesh, fixed: Bool[np.ndarray, "n_v 3"], vertices: list[np.ndarray]
-) -> Float[np.ndarray, "k n_m"]:
-    """Free motions (rows) of bodies with the given vertices, six numbers (t, w) for each."""
+) -> Float[np.ndarray, "n_m k"]:
+    """Free motions (columns) of bodies with the given vertices, six numbers (t, w) for each."""
     centres = [mesh.vertices[v].mean(0) for v in vertices]
     sizes = [max(float(np.ptp(mesh.vertices[v], axis=0).max()), np.finfo(float).tiny) for v in vertices]
 
     def displacement(body: int, where: np.ndarray) -> np.ndarray:
         """Displacements (k, 3, 6) of vertices for unit motions of a body."""
-        x = (mesh.vertices[where] - centres[body]) / sizes[body]
-        rows = np.zeros((len(x), 3, 6))
-        rows[:, [0, 1, 2], [0, 1, 2]] = 1
-        for axis in range(3):
-            rows[:, :, 3 + axis] = np.cross(np.eye(3)[axis], x)
-        return rows
+        return rigid_motions((mesh.vertices[where] - centres[body]) / sizes[body])
 
     blocks = [np.zeros((1, 6 * len(vertices)))]
     for body, own in enumerate(vertices):
@@ -83,9 +115,7 @@ def _null_space(
         block = np.zeros((len(together), 6 * len(vertices)))
         block[:, 6 * a : 6 * a + 6], block[:, 6 * b : 6 * b + 6] = together[:, :6], together[:, 6:]
         blocks.append(block)
-    _, values, directions = np.linalg.svd(np.concatenate(blocks), full_matrices=True)
-    rank = int((values > RANK_TOLERANCE * max(values[0], 1.0)).sum())
-    return directions[rank:]
+    return free_motions(np.concatenate(blocks))
 
 
 def _reduced(rows: np.ndarray) -> np.ndarray:

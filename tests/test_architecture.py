@@ -11,8 +11,11 @@ PACKAGE = Path(__file__).parents[1] / "michell_cad"
 
 NUMERICS = (
     "arrays",
+    "compiled",
+    "constant_frames",
     "curves",
     "deviator",
+    "elastic_elements",
     "elasticity",
     "errors",
     "frame_field",
@@ -30,6 +33,7 @@ NUMERICS = (
     "rigid_motions",
     "rotations",
     "splines",
+    "strength",
     "tet_mesh",
     "truss",
 )

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import subspace_angles
 from scipy.spatial.transform import Rotation
 from shapes import box_mesh, joined_boxes
 
-from michell_cad.rigid_motions import MOST_BODIES, free_rigid_motions
+from michell_cad.rigid_motions import MOST_BODIES, free_motions, free_rigid_motions, name_motions, rigid_motions
 from michell_cad.tet_mesh import TetMesh
 
 MESH = box_mesh((4, 2, 2), (8.0, 4.0, 2.0))
@@ -110,3 +111,25 @@ def test_the_number_of_free_motions_does_not_depend_on_the_axes():
     fixed = held(both, both.vertices[:, 0] == 0, "xyz")
     turned = TetMesh(both.vertices @ Rotation.random(random_state=0).as_matrix().T, both.tets)
     assert len(free_rigid_motions(turned, fixed)) == 1
+
+
+def test_motions_are_translations_and_rotations():
+    rng = np.random.default_rng(0)
+    x, v, w = rng.normal(size=(5, 3)), rng.normal(size=3), rng.normal(size=3)
+    np.testing.assert_allclose(rigid_motions(x) @ np.append(v, w), v + np.cross(w, x), atol=1e-14)
+
+
+def test_the_transpose_gives_resultant_force_and_moment():
+    rng = np.random.default_rng(1)
+    x, f = rng.normal(size=(2, 5, 3))
+    resultant = np.einsum("ndk,nd->k", rigid_motions(x), f)
+    np.testing.assert_allclose(resultant, np.append(f.sum(0), np.cross(x, f).sum(0)), atol=1e-14)
+
+
+def test_a_hinge_leaves_the_turn_about_its_line():
+    constraints = rigid_motions(np.array([[0, 0, 0.5], [0, 0, -0.5]])).reshape(-1, 6)
+    free = free_motions(constraints)
+    assert subspace_angles(free, np.eye(6)[:, [5]]).max() < 1e-7
+    assert name_motions(free) == ["it can turn about z"]
+    assert name_motions(np.eye(6)[:, :2]) == ["it can move along x", "it can move along y"]
+    assert free_motions(np.eye(6)).shape == (6, 0)

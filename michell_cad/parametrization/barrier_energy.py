@@ -1,10 +1,10 @@
 """The energy of `fold_barrier`, tet by tet, compiled: one pass gathers the map, adds energy and gradient."""
 
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
+
+from michell_cad.compiled import compiled
 
 
 def _add_tets(
@@ -74,5 +74,4 @@ def _add_tets(
     return energy, least
 
 
-# The plain function: a checker of types that wraps every function of the package cannot be compiled.
-add_tets = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "arcp", "nsz"})(unwrap(_add_tets))
+add_tets = compiled(_add_tets)

@@ -5,11 +5,11 @@ same takes forty passes over arrays that do not fit in the cache, and five times
 hundreds of times.
 """
 
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
+
+from michell_cad.compiled import compiled
 
 ROUNDING = 0.01
 """Under the root of the first term: it rounds off the kink at exact alignment (relative, squared)."""
@@ -108,5 +108,4 @@ def _add_tets(
     return energy
 
 
-# The plain function: a checker of types that wraps every function of the package cannot be compiled.
-add_tets = numba.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "arcp", "nsz"})(unwrap(_add_tets))
+add_tets = compiled(_add_tets)

@@ -1,12 +1,11 @@
 """Whether a parametrization is injective, locally: positive determinants, and edges that wind once."""
 
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.compiled import compiled
 from michell_cad.tet_mesh import TetMesh
 
 WINDING_TOLERANCE = 1e-3
@@ -53,5 +52,4 @@ def _add_dihedral_angles(tets: Any, tet_edges: Any, phi: Any, total: Any) -> Non
             total[tet_edges[t, e]] += np.arctan2(np.sqrt(uu) * abs(det), uu * lr - ul * ur)
 
 
-# The plain function: a checker of types that wraps every function of the package cannot be compiled.
-_add_angles = numba.njit(cache=True, error_model="numpy")(unwrap(_add_dihedral_angles))
+_add_angles = compiled(_add_dihedral_angles)

@@ -1,0 +1,21 @@
+"""How strong a truss is: its beam model, the loads that the part hands to it, and radii that suit them."""
+
+from michell_cad.strength.beam_model import BeamModel, build_beam_model
+from michell_cad.strength.beam_solution import BeamSolution
+from michell_cad.strength.beam_solver import solve_beams
+from michell_cad.strength.loads import TrussLoading, carry_over_loads
+from michell_cad.strength.mechanism import keep_supported
+from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
+
+__all__ = [
+    "BeamModel",
+    "BeamSolution",
+    "SizingOptions",
+    "SizingReport",
+    "TrussLoading",
+    "build_beam_model",
+    "carry_over_loads",
+    "keep_supported",
+    "size_members",
+    "solve_beams",
+]
