@@ -86,7 +86,7 @@ class MemberSplines:
     def positions(self, s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "n_m k 3"]:
         """Points at fractions `s` (k,) or (n_m, k) of the arc length of each member, first node to second."""
         piece, t = self._parameters(s)
-        return _bezier(self.control_points[piece], t)
+        return bezier(self.control_points[piece], t)
 
     def tangents(self, s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "n_m k 3"]:
         """Unit tangents at fractions `s` of the arc length, see `positions`; they point to the second node."""
@@ -213,7 +213,7 @@ def _bessel_pieces(points: np.ndarray, following: np.ndarray, sharpest: np.ndarr
     )
 
 
-def _bezier(P: np.ndarray, t: np.ndarray) -> np.ndarray:
+def bezier(P: Float[np.ndarray, "*n 4 3"], t: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*m 3"]:
     """Points of Bézier pieces P (..., 4, 3) at parameters t (...)."""
     t = t[..., None]
     u = 1 - t

@@ -133,7 +133,7 @@ def clean_network(
         f"no member is left of {len(network.members)} at a spacing of {spacing:.4g} mm: the part is smaller than a "
         "cell of the truss. Use a larger resolution or a smaller spacing",
     )
-    truss = keep_to_surface(finish(draft, network.curves, spacing), network)
+    truss = keep_to_surface(finish(draft, network.curves, spacing), network, _origin(draft, network))
     steps = np.bincount(np.concatenate([curve.members for curve in truss.curves]))
     report = CleaningReport(
         nodes=(len(network.nodes), len(truss.nodes)),
@@ -149,6 +149,14 @@ def clean_network(
         short_members=int((truss.lengths < shortest).sum()),
     )
     return truss, report
+
+
+def _origin(draft: Draft, network: CurveNetwork) -> np.ndarray:
+    """The node of the network that each node in use still is, -1 for those that moved or were added."""
+    used = np.unique(draft.sequence)
+    same = np.minimum(used, len(network.nodes) - 1)
+    stays = (used == same) & (draft.nodes[used] == network.nodes[same]).all(1)
+    return np.where(stays, used, -1)
 
 
 def collapse_short(draft: Draft, shortest: float) -> tuple[Draft, int, int]:
@@ -212,15 +220,20 @@ def join_parallel(draft: Draft, shortest: float, smallest_angle: float) -> tuple
     nodes, kinds, weights = draft.nodes.copy(), draft.kinds.copy(), draft.weights.copy()
     highest = np.zeros(len(pairs), np.int64)
     np.maximum.at(highest, member, draft.ranks[draft.curve[entries]])
-    rank_of = {(i, j): rank for (i, j), rank in zip(map(tuple, pairs.tolist()), highest.tolist(), strict=True)}
+    keys = pairs @ [len(nodes), 1]
+
+    def number(i: int, j: int) -> int:
+        """The member between two nodes."""
+        return int(np.searchsorted(keys, min(i, j) * len(nodes) + max(i, j)))
+
     busy = np.zeros(len(nodes), bool)
     names = np.arange(len(nodes))
-    through: dict[tuple[int, int], int] = {}
+    through = np.full(len(pairs), -1)
     merges = 0
     for x, near, far in zip(v.tolist(), a.tolist(), b.tolist(), strict=True):
         if busy[[x, near, far]].any():
             continue
-        needed, other = rank_of[min(x, far), max(x, far)], rank_of[min(x, near), max(x, near)]
+        needed, other = highest[number(x, far)], highest[number(x, near)]
         if needed == NodeKind.FEATURE and other == NodeKind.FEATURE:
             continue
         along = nodes[far] - nodes[x]
@@ -233,13 +246,12 @@ def join_parallel(draft: Draft, shortest: float, smallest_angle: float) -> tuple
         else:
             if kinds[near] < needed:
                 nodes[near], kinds[near] = foot, needed
-            through[min(x, far), max(x, far)] = near
+            through[number(x, far)] = near
         busy[[x, near, far]] = True
     draft = replace(draft, nodes=nodes, kinds=kinds, weights=weights)
-    if through:
-        via = np.array([through.get(pair, -1) for pair in map(tuple, pairs.tolist())])[member]
-        draft = draft.inserted(entries[via >= 0], via[via >= 0])
-    return draft.renamed(names), merges, len(through)
+    via = through[member]
+    draft = draft.inserted(entries[via >= 0], via[via >= 0])
+    return draft.renamed(names), merges, int((through >= 0).sum())
 
 
 def acute_pairs(

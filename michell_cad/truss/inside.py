@@ -3,20 +3,23 @@
 Cleaning moves nodes along the surface, and a chord over a hollow (a fillet, a hole) then runs outside.
 """
 
-from dataclasses import replace
-
 import igl
 import numpy as np
 
-from michell_cad.splines import fit_splines
+from michell_cad.splines import bezier, fit_splines
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss.values import Truss
+from michell_cad.truss.waypoints import add_waypoints
 
 OUTSIDE = 0.03
 """A member is led back where it is farther outside than this (relative to the spacing): well below its radius."""
 
 _PLACES = np.array([0.25, 0.5, 0.75])
-"""Where along a member it is looked at, and led."""
+"""Where along a member it is looked at, and led: parameters of its only piece, which has no waypoints."""
+
+_SUSPECT = 0.03
+"""A member is looked at more closely where its middle is outside by this fraction of `OUTSIDE`; most are not, and the
+distances are what this stage costs."""
 
 
 def keep_inside(truss: Truss, mesh: TetMesh) -> Truss:
@@ -24,14 +27,22 @@ def keep_inside(truss: Truss, mesh: TetMesh) -> Truss:
 
     Members that have waypoints already stay as they are.
     """
-    points = fit_splines(truss).positions(_PLACES)
-    found = igl.signed_distance(points.reshape(-1, 3), mesh.vertices, mesh.boundary_triangles)
-    distance, nearest = np.asarray(found[0]), np.asarray(found[2])
+    bare = np.flatnonzero(np.diff(np.asarray(truss.waypoint_offsets)) == 0)
+    splines = fit_splines(truss)
+    points = bezier(splines.control_points[splines.offsets[bare]][:, None], _PLACES)
+    distance, _ = _signed_distance(mesh, points[:, 1])
+    suspect = distance > _SUSPECT * OUTSIDE * truss.spacing
+    bare, points = bare[suspect], points[suspect]
+    distance, nearest = _signed_distance(mesh, points.reshape(-1, 3))
     out = distance.reshape(-1, len(_PLACES)) > OUTSIDE * truss.spacing
-    waypoints, offsets = np.asarray(truss.waypoints), np.asarray(truss.waypoint_offsets)
-    counts = np.diff(offsets)
-    led = out.any(1) & (counts == 0)
     points = np.where(out[:, :, None], nearest.reshape(points.shape), points)
-    parts = [points[m] if led[m] else waypoints[offsets[m] : offsets[m + 1]] for m in range(len(led))]
-    counts = np.where(led, len(_PLACES), counts)
-    return replace(truss, waypoints=np.concatenate(parts), waypoint_offsets=np.concatenate([[0], np.cumsum(counts)]))
+    led = out.any(1)
+    return add_waypoints(truss, bare[led], points[led], np.ones((int(led.sum()), len(_PLACES)), bool))
+
+
+def _signed_distance(mesh: TetMesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances to the surface, mm, positive outside, and the nearest points of the surface."""
+    if not len(points):
+        return np.zeros(0), np.zeros((0, 3))
+    found = igl.signed_distance(points, mesh.vertices, mesh.boundary_triangles)
+    return np.asarray(found[0]), np.asarray(found[2])
