@@ -25,6 +25,7 @@ from michell_cad.arrays import freeze, require
 from michell_cad.elastic_elements import add_averaged_force, add_stiffness
 from michell_cad.linear_solver import Factor, measure_factorisation
 from michell_cad.problem import DesignProblem, Material
+from michell_cad.rigid_motions import rigid_motions
 from michell_cad.tet_mesh import TetMesh
 
 
@@ -101,7 +102,8 @@ def solve_elasticity(
     free = np.flatnonzero(~problem.fixed.ravel())
     K = stiffness_matrix(mesh, problem.material)[free][:, free]
     loads = [case.force.ravel()[free] for case in problem.load_cases]
-    factor, u, solver_unit = measure_factorisation(K, loads[0])
+    modes = rigid_motions((mesh.vertices - mesh.vertices.mean(0)) / mesh.size).reshape(-1, 6)[free]
+    factor, u, solver_unit = measure_factorisation(K, loads[0], modes)
 
     stresses, displacements, steps, residuals = [], [], [], []
     for number, f in enumerate(loads):

@@ -1,7 +1,7 @@
 """Sparse symmetric positive definite systems: one factorisation, many solves.
 
-MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewhere; nobody else in the package knows
-which.
+MKL Pardiso (through pypardiso) where its wheels exist, SciPy's SuperLU elsewhere, and algebraic multigrid for what
+would not fit in memory; nobody else in the package knows which.
 """
 
 import ctypes
@@ -11,24 +11,31 @@ from functools import cache
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+import psutil
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from threadpoolctl import ThreadpoolController
 
 from michell_cad.errors import ConvergenceError
+from michell_cad.multigrid import MultigridSolver
 
 try:
     from pypardiso.pardiso_wrapper import PyPardisoSolver
 except ModuleNotFoundError:  # no wheel for this platform, see pyproject.toml
     PyPardisoSolver = None
 
+MEMORY_SHARE = 0.6
+"""A factor may take this much of the memory that is free; the other stages need about as much as a fifth of it."""
+
 PARALLEL_UNKNOWNS = 200_000
 """Systems of at least this many unknowns are factorised by all processors; smaller ones take under a second by one."""
 
 _POSITIVE_DEFINITE = 2
 """Pardiso's matrix type `mtype` for real symmetric positive definite matrices."""
-_ANALYSE_AND_FACTORISE, _SOLVE, _RELEASE = 12, 33, -1
+_ANALYSE, _FACTORISE, _SOLVE, _RELEASE = 11, 22, 33, -1
 """Pardiso's phases."""
+_ANALYSIS_PEAK, _ANALYSIS_STAYS, _FACTOR = 14, 15, 16
+"""Places in `iparm`, from 0, of memory in kB: of the analysis, of what it leaves, of the factor."""
 _OWN_SETTINGS, _ORDERING_METHOD, _ORDERING_USE = 0, 1, 4
 """Places in Pardiso's `iparm`, from 0: whether it holds settings, which ordering to compute, and how to use `perm`."""
 _NESTED_DISSECTION, _TAKE_ORDERING, _GIVE_ORDERING = 2, 1, 2
@@ -36,15 +43,14 @@ _NESTED_DISSECTION, _TAKE_ORDERING, _GIVE_ORDERING = 2, 1, 2
 
 @runtime_checkable
 class Factor(Protocol):
-    """A factorised matrix.
+    """A factorised matrix."""
 
-    Parameters
-    ----------
-    ordering : the fill-reducing permutation of the rows, for another matrix with the same pattern; None where the
-        solver keeps it to itself.
-    """
-
-    ordering: np.ndarray | None
+    @property
+    def ordering(self) -> np.ndarray | None:
+        """The fill-reducing permutation of the rows, for another matrix with the same pattern; None where the solver
+        keeps it to itself.
+        """
+        ...
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Solve A x = b for one right-hand side (n,) or several (n, k)."""
@@ -67,7 +73,13 @@ class _PardisoFactor:
         _pardiso()
         _mkl_threads(None if self._n >= PARALLEL_UNKNOWNS else 1)
         try:
-            self._call(_ANALYSE_AND_FACTORISE, np.zeros(1), np.zeros(1), 1)
+            self._call(_ANALYSE, np.zeros(1), np.zeros(1), 1)
+            analysis, stays, factor = 1024 * self._settings[[_ANALYSIS_PEAK, _ANALYSIS_STAYS, _FACTOR]].astype(int)
+            self.memory = int(max(analysis, stays + factor))
+            """Bytes that the analysis foresees."""
+            if self.memory > MEMORY_SHARE * free_memory():
+                raise MemoryError(f"the factor needs {self.memory / 1e9:.1f} GB")
+            self._call(_FACTORISE, np.zeros(1), np.zeros(1), 1)
         finally:
             _mkl_threads(1)
 
@@ -117,7 +129,8 @@ def _integer(value: int) -> Any:
 def _pardiso() -> Any:
     """MKL's entry point; making pypardiso's solver searches the disk for the library, 0.3 s."""
     assert PyPardisoSolver is not None  # factorise asks before
-    entry = PyPardisoSolver(mtype=_POSITIVE_DEFINITE).libmkl["pardiso"]
+    library: Any = PyPardisoSolver(mtype=_POSITIVE_DEFINITE).libmkl
+    entry = library["pardiso"]
     entry.restype = None
     _mkl_threads(1)
     return entry
@@ -154,14 +167,18 @@ class _SuperLUFactor:
         return self._lu.solve(np.ascontiguousarray(b))
 
 
-def factorise(A: sp.spmatrix, ordering: np.ndarray | None = None) -> Factor:
+def factorise(A: sp.spmatrix, ordering: np.ndarray | None = None, modes: np.ndarray | None = None) -> Factor:
     """Factorise a symmetric positive definite sparse matrix.
+
+    A matrix whose factor would take more than `MEMORY_SHARE` of the free memory is solved by multigrid instead, with a
+    relative residual of `multigrid.TOLERANCE`. (Only Pardiso foresees the size of its factor.)
 
     Parameters
     ----------
     A : (n, n) sparse.
     ordering : the `ordering` of a factor of a matrix with the same pattern, if there is one. For scalar equations on a
         mesh finding an ordering costs several times what the rest of the factorisation does.
+    modes : (n, k) for multigrid, see there.
 
     Raises
     ------
@@ -169,7 +186,17 @@ def factorise(A: sp.spmatrix, ordering: np.ndarray | None = None) -> Factor:
         If the matrix is not positive definite to working precision.
     """
     A = sp.csr_matrix(A)
-    return _SuperLUFactor(A) if PyPardisoSolver is None else _PardisoFactor(A, ordering)
+    if PyPardisoSolver is None:
+        return _SuperLUFactor(A)
+    try:
+        return _PardisoFactor(A, ordering)
+    except MemoryError:
+        return MultigridSolver(A, modes)
+
+
+def free_memory() -> int:
+    """Bytes that programs can still take without swapping."""
+    return psutil.virtual_memory().available
 
 
 def solver_name() -> str:
@@ -177,12 +204,14 @@ def solver_name() -> str:
     return "SuperLU" if PyPardisoSolver is None else "MKL Pardiso"
 
 
-def measure_factorisation(A: sp.spmatrix, b: np.ndarray) -> tuple[Factor, np.ndarray, float]:
+def measure_factorisation(
+    A: sp.spmatrix, b: np.ndarray, modes: np.ndarray | None = None
+) -> tuple[Factor, np.ndarray, float]:
     """Factorise, solve once and say how many CPU seconds of this process both took (the report's `solver_unit_s`)."""
     if PyPardisoSolver is not None:
         _pardiso()  # loading the library is no part of a factorisation
     start = time.process_time()
-    factor = factorise(A)
+    factor = factorise(A, modes=modes)
     x = factor.solve(b)
     return factor, x, time.process_time() - start
 

@@ -51,7 +51,7 @@ def name_motions(motions: Float[np.ndarray, "6 j"]) -> list[str]:
 
 def independent_components(motions: Float[np.ndarray, "m j"]) -> list[int]:
     """j components (rows), ascending, by which the span of the j columns is known best: those of pivoted QR."""
-    _, _, order = scipy.linalg.qr(motions.T, mode="economic", pivoting=True)
+    order = np.asarray(scipy.linalg.qr(motions.T, mode="economic", pivoting=True)[-1])
     return sorted(order[: motions.shape[1]].tolist())
 
 

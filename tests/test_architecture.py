@@ -25,6 +25,7 @@ NUMERICS = (
     "matching_energy",
     "metrics",
     "minimize",
+    "multigrid",
     "parametrization",
     "part_axes",
     "pipeline",

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from shapes import box_mesh, cantilever
 
-from michell_cad import linear_solver
+from michell_cad import linear_solver, multigrid
+from michell_cad.elasticity import solve_elasticity
 from michell_cad.errors import ConvergenceError
 from michell_cad.linear_solver import factorise, measure_factorisation
+from michell_cad.multigrid import MultigridSolver
 
 
 def spd(n: int = 60) -> sp.csr_matrix:
@@ -39,3 +42,35 @@ def test_an_indefinite_matrix_is_refused():
 def test_a_singular_matrix_is_refused(solver):
     with pytest.raises(ConvergenceError, match="positive definite"):
         factorise(sp.csr_matrix(np.ones((2, 2))))
+
+
+def test_an_ordering_serves_all_matrices_of_a_pattern(solver):
+    A = spd()
+    first = factorise(A)
+    B = sp.csr_matrix(A + 3 * sp.diags(A.diagonal()))
+    b = np.random.default_rng(2).normal(size=60)
+    np.testing.assert_allclose(factorise(B, first.ordering).solve(b), np.linalg.solve(B.toarray(), b), atol=1e-12)
+    np.testing.assert_allclose(A @ first.solve(b), b, atol=1e-10)
+
+
+def test_what_does_not_fit_in_memory_is_solved_by_multigrid(monkeypatch):
+    if linear_solver.PyPardisoSolver is None:
+        pytest.skip("only Pardiso foresees the size of its factor")
+    problem = cantilever((24, 8, 8))
+    mesh = problem.mesh
+    direct = solve_elasticity(problem)
+    monkeypatch.setattr(linear_solver, "free_memory", lambda: 1_000_000)
+    assert isinstance(factorise(mesh.laplacian() + sp.identity(len(mesh.vertices))), MultigridSolver)
+    field = solve_elasticity(problem)
+    scale = np.abs(direct.displacements).max()
+    np.testing.assert_allclose(field.displacements, direct.displacements, atol=1e-6 * scale)
+    assert field.smoothing_steps == direct.smoothing_steps
+    np.testing.assert_allclose(field.stress, direct.stress, atol=1e-5 * np.abs(direct.stress).max())
+
+
+def test_multigrid_that_does_not_converge_says_so(monkeypatch):
+    monkeypatch.setattr(multigrid, "MOST_ITERATIONS", 2)
+    mesh = box_mesh((24, 6, 6), (24.0, 6.0, 6.0))
+    A = sp.csr_matrix(mesh.laplacian() + 1e-6 * sp.identity(len(mesh.vertices)))
+    with pytest.raises(ConvergenceError, match="after 2 iterations"):
+        MultigridSolver(A).solve(np.random.default_rng(0).normal(size=len(mesh.vertices)))

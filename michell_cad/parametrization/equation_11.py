@@ -32,7 +32,7 @@ class LeastSquaresMap:
 
     phi: Float[np.ndarray, "n_v 3"]
     weights: Float[np.ndarray, " n_t"]
-    factors: tuple[Factor, Factor, Factor]
+    factors: tuple[Factor, ...]
     free: Int[np.ndarray, " n_free"] | slice
 
     def precondition(self, gradient: Float[np.ndarray, "n_v 3"]) -> Float[np.ndarray, "n_v 3"]:
