@@ -18,6 +18,7 @@ from michell_cad.problem import DesignProblem
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions, clean_network
 from michell_cad.truss.inside import keep_inside
+from michell_cad.warm_up import load_compiled_loops
 
 STAGES = ("elasticity", "frames", "parametrization", "isocurves", "truss")
 """Names of the stages, in order, as the progress callback and the report show them."""
@@ -110,6 +111,7 @@ def design(
     options = options or DesignOptions()
     mesh = problem.mesh
     require_fine_enough(mesh, _expected_cell(mesh, options))
+    load_compiled_loops()
     times: list[StageTime] = []
 
     with _stage("elasticity", times, progress) as advance:

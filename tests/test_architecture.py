@@ -32,6 +32,7 @@ NUMERICS = (
     "splines",
     "tet_mesh",
     "truss",
+    "warm_up",
 )
 OUTSIDE = ("cad", "cli", "cli_inspect", "delivery", "domain", "job", "picture", "selection")
 
