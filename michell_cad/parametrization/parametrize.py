@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -14,10 +15,13 @@ from michell_cad.frame_field import FrameField, constant_frames, matching_metric
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative
-from michell_cad.parametrization.phase import choose_phases
+from michell_cad.parametrization.phase import choose_phases, hug_faces
 from michell_cad.parametrization.stress_following import follow_stress
 from michell_cad.part_axes import part_axes
 from michell_cad.tet_mesh import TetMesh
+
+Layers = Literal["clear", "hug"]
+"""Where the layers of cells lie: clear of the faces that they would graze, or just inside them, see `phase`."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +88,17 @@ class Parametrization:
         return (cofactors / np.maximum(length, np.finfo(float).tiny)).transpose(0, 2, 1)
 
     def levels(
-        self, resolution: float | None = None, spacing: float | None = None
+        self,
+        resolution: float | None = None,
+        spacing: float | None = None,
+        layers: Layers = "clear",
     ) -> tuple[Float[np.ndarray, "n_v 3"], float]:
         """Scale and shift the coordinates into cells; returns them with the median edge of a cell, mm.
 
         One scale for all three coordinates. With `resolution` (the paper's rho) the coordinate with the longest range
-        spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift of each coordinate is
-        that of `choose_phases`, plus the integer that makes its lowest value lie between 0 and 1.
+        spans that many cells; with `spacing` (mm) the median cell edge is that long. With `layers` "clear" the shift of
+        each coordinate is that of `choose_phases`; with "hug" it is shifted, and stretched by a few per cent, by
+        `hug_faces`. On top comes the integer that makes its lowest value lie between 0 and 1.
         """
         low, high = self.phi.min(0), self.phi.max(0)
         unit_edge = float(np.median(self.cell_edges))
@@ -100,9 +108,14 @@ class Parametrization:
             scale = unit_edge / spacing
         else:
             raise InvalidInputError("give either a resolution or a spacing")
-        levels = (self.phi - low) * scale
-        levels = levels + choose_phases(self.mesh, levels)
-        return levels - np.floor(levels.min(0)), unit_edge / scale
+        levels, edge = (self.phi - low) * scale, unit_edge / scale
+        if layers == "hug":
+            stretch, shift = hug_faces(self.mesh, levels)
+            levels = levels * stretch + shift
+            edge = float(np.median(self.cell_edges / stretch)) / scale
+        else:
+            levels = levels + choose_phases(self.mesh, levels)
+        return levels - np.floor(levels.min(0)), edge
 
 
 def parametrize(
