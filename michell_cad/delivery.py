@@ -66,7 +66,9 @@ def design_options(job: Job) -> DesignOptions:
         spacing=job.options.spacing,
         layers=job.options.layers,
         parametrization=ParametrizationOptions(
-            spacing_weight=job.options.spacing_weight, follow_stress=job.options.follow_stress
+            spacing_weight=job.options.spacing_weight,
+            follow_stress=job.options.follow_stress,
+            spacing_bounds=job.options.spacing_bounds,
         ),
     )
 

@@ -13,10 +13,11 @@ from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, constant_frames, matching_metric
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
-from michell_cad.parametrization.fold_barrier import remove_folds
+from michell_cad.parametrization.fold_barrier import barrier_energy, remove_folds
 from michell_cad.parametrization.jacobians import MapDerivative
 from michell_cad.parametrization.phase import choose_phases, hug_faces
-from michell_cad.parametrization.stress_following import follow_stress
+from michell_cad.parametrization.spacing_bounds import SpacingBounds, bound_spacing
+from michell_cad.parametrization.stress_following import follow_stress, following_energy
 from michell_cad.part_axes import part_axes
 from michell_cad.tet_mesh import TetMesh
 
@@ -32,15 +33,23 @@ class ParametrizationOptions:
     ----------
     spacing_weight : the paper's beta: 0.1 follows the stress closely, 1 keeps the spacing even.
     follow_stress : whether to align the curves themselves after Eq. 11; False ends with Eq. 11 and its fold barrier.
+    spacing_bounds : smallest and largest edge of a cell over the median edge, for example (0.5, 2). They are held in
+        all of the part if that is possible without folds, and as nearly as possible if not; the report states the
+        share of the volume left outside. None: no bounds.
     """
 
     spacing_weight: float = 0.1
     follow_stress: bool = True
+    spacing_bounds: SpacingBounds | None = None
 
     def __post_init__(self) -> None:
         require(
             np.isfinite(self.spacing_weight) and 1e-3 <= self.spacing_weight <= 100,
             f"spacing_weight must lie between 0.001 and 100, found {self.spacing_weight}",
+        )
+        require(
+            self.spacing_bounds is None or 0 < self.spacing_bounds[0] < 1 < self.spacing_bounds[1] < np.inf,
+            f"spacing_bounds must be two numbers, one below 1 and one above it, found {self.spacing_bounds}",
         )
 
 
@@ -130,6 +139,8 @@ def parametrize(
     The last step starts from three injective maps: the fold-free Eq. 11, and the straight grids along the best constant
     frame and along the part's axes; the lowest energy is kept.
 
+    With `spacing_bounds` a last step, from the map so found and with the same energy, draws the cells within them.
+
     Raises
     ------
     ConvergenceError
@@ -154,4 +165,11 @@ def parametrize(
             starts,
             lambda f: progress(share + (1 - share) * f),
         )
+    if options.spacing_bounds is not None:
+        if options.follow_stress:
+            energy, stiffness, weights = following_energy(mesh, stress_field.stress, options.spacing_weight)
+            phi = phi / np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
+        else:
+            energy, stiffness, weights = barrier_energy(derivative, frame_field.frames, options.spacing_weight, linear)
+        phi = bound_spacing(mesh, phi, options.spacing_bounds, energy, stiffness, weights)
     return Parametrization(mesh, centre_parts(mesh, phi))
