@@ -40,7 +40,8 @@ def outside_bounds(
 ) -> float:
     """Fraction of the volume in tets with an edge of the cell (of any family) outside of the bounds."""
     ratio = edges / np.median(edges)
-    return float(volumes @ ((ratio < bounds[0]) | (ratio > bounds[1])).any(1) / volumes.sum())
+    outside = ((ratio < bounds[0]) | (ratio > bounds[1])).any(1)
+    return float(volumes[outside].sum() / volumes.sum())
 
 
 def cell_edges(derivative: MapDerivative, phi: Float[np.ndarray, "n_v 3"]) -> Float[np.ndarray, "3 n_t"]:
