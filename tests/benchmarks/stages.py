@@ -5,7 +5,8 @@
 Every mesh is the given one with all tets cut in eight `--refine` times over, in a process of its own on one thread,
 at the same resolution. Times are CPU seconds over `solver_unit_s`, one factorisation and one solve of the stiffness
 matrix. Memory is the largest resident size while a stage ran, less that before the first stage, over `factor`: what
-factorising the stiffness matrix alone adds at its peak, in another process. Reads /proc, so it needs Linux.
+factorising the stiffness matrix alone adds at its peak, in another process. `total` is the largest size of the whole
+process, libraries included. Reads /proc, so it needs Linux.
 """
 
 import argparse
@@ -58,6 +59,7 @@ def measure_stages(path: Path, resolution: float, times: int, follow_stress: boo
         "solver_unit_s": design.stress_field.solver_unit,
         "cpu_s": {t.name: t.cpu_s for t in design.times} | {"all": time.process_time() - start},
         "peak_mb": peaks,
+        "total_mb": before + max(peaks.values()),
     }
 
 
@@ -101,6 +103,7 @@ def _line(row: dict, stages: list[str]) -> str:
     cells = [f"{row['tets']:8d} {row['members']:8d} {row['solver_unit_s']:8.2f} {row['factor_mb']:8.0f} "]
     cells += [f"{row['cpu_s'][stage] / row['solver_unit_s']:9.2f}" for stage in [*stages, "all"]]
     cells += [f"{row['peak_mb'][stage] / row['factor_mb']:9.2f}" for stage in stages]
+    cells.append(f"{row['total_mb'] / row['factor_mb']:9.2f}")
     return "".join(cells)
 
 
@@ -130,7 +133,7 @@ def main() -> None:
             print(f"{'':36}{'CPU over unit':<{9 * len(names) + 9}}  peak memory over factor")
             print(
                 f"{'tets':>8} {'members':>8} {'unit s':>8} {'factor MB':>9}"
-                + "".join(f"{name:>9}" for name in [*names, "all", *names])
+                + "".join(f"{name:>9}" for name in [*names, "all", *names, "total"])
             )
         print(_line(rows[-1], stages), flush=True)
     if given.json:
