@@ -64,8 +64,11 @@ def design_options(job: Job) -> DesignOptions:
     return DesignOptions(
         resolution=job.options.resolution,
         spacing=job.options.spacing,
+        layers=job.options.layers,
         parametrization=ParametrizationOptions(
-            spacing_weight=job.options.spacing_weight, follow_stress=job.options.follow_stress
+            spacing_weight=job.options.spacing_weight,
+            follow_stress=job.options.follow_stress,
+            spacing_bounds=job.options.spacing_bounds,
         ),
     )
 

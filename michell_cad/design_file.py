@@ -123,9 +123,10 @@ def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Kn
         DesignOptions(
             options["resolution"],
             options["spacing"],
+            options.get("layers", "clear"),  # files from before there was a choice
             ElasticityOptions(**options["elasticity"]),
             FrameFieldOptions(**tuples(options["frames"])),
-            ParametrizationOptions(**options["parametrization"]),
+            ParametrizationOptions(**tuples(options["parametrization"])),
             TrussOptions(**options["truss"]),
         ),
         StressField(

@@ -173,6 +173,16 @@ class Options(BaseModel):
     spacing_weight: Annotated[Number, Field(gt=0, le=100)] = Field(
         default=0.1, description="The paper's beta: 0.1 follows the stress closely, 1 keeps the spacing even."
     )
+    spacing_bounds: tuple[Annotated[Number, Field(gt=0, lt=1)], Annotated[Number, Field(gt=1)]] | None = Field(
+        default=None,
+        description="Smallest and largest edge of a cell over the median edge, such as [0.5, 2]; held as nearly as the "
+        "part allows, the report says where not. Default: no bounds.",
+    )
+    layers: Literal["clear", "hug"] = Field(
+        default="clear",
+        description="clear: no layer of members grazes a face of the part; hug: the outermost layers lie along such "
+        "faces, with whole cells between them, for which the spacing may change by up to 5 per cent.",
+    )
     follow_stress: Switch = Field(
         default=True,
         description="Align the curves themselves with the stress after the paper's Eq. 11; false stops there.",

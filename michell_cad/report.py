@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from michell_cad.linear_solver import solver_name
 from michell_cad.parametrization import count_double_wound_edges
+from michell_cad.parametrization.spacing_bounds import outside_bounds
 from michell_cad.pipeline import Design, StageTime, cells_per_edge
 from michell_cad.truss import Truss, interior_degree_6, valences
 
@@ -57,6 +58,7 @@ def report_design(design: Design, truss: Truss, times: Sequence[StageTime] | Non
             "inverted_tets": int((determinants <= 0).sum()),
             "min_det_over_median": float(determinants.min() / np.median(determinants)),
             "double_wound_edges": count_double_wound_edges(mesh, design.parametrization.phi),
+            "outside_spacing_bounds": _outside_spacing_bounds(design),
         },
         "alignment": asdict(design.alignment),
         "truss": _report_truss(design, truss),
@@ -83,6 +85,14 @@ def _report_truss(design: Design, truss: Truss) -> dict[str, Any]:
         "components": count_components(truss),
         "cleaning": asdict(design.cleaning),
     }
+
+
+def _outside_spacing_bounds(design: Design) -> float | None:
+    """Fraction of the volume where a cell edge is outside of the bounds asked for; None without bounds."""
+    bounds = design.options.parametrization.spacing_bounds
+    if bounds is None:
+        return None
+    return outside_bounds(design.parametrization.cell_edges, bounds, design.problem.mesh.volumes)
 
 
 def count_components(truss: Truss) -> int:

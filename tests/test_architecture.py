@@ -37,6 +37,7 @@ NUMERICS = (
     "strength",
     "tet_mesh",
     "truss",
+    "warm_up",
 )
 OUTSIDE = ("cad", "cli", "cli_inspect", "delivery", "domain", "job", "picture", "selection")
 

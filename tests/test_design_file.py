@@ -10,6 +10,7 @@ from michell_cad.design_file import load_design, save_design
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing
 from michell_cad.knobs import Knobs, apply_knobs
+from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.pipeline import Design, DesignOptions, design
 from michell_cad.splines import fit_splines
 from michell_cad.truss_json import truss_to_dict, write_truss_json
@@ -17,7 +18,8 @@ from michell_cad.truss_json import truss_to_dict, write_truss_json
 
 @pytest.fixture(scope="module")
 def bar() -> Design:
-    return design(cantilever((8, 4, 4)), DesignOptions(resolution=7))
+    bounded = ParametrizationOptions(spacing_bounds=(0.3, 3.0))
+    return design(cantilever((8, 4, 4)), DesignOptions(7, layers="hug", parametrization=bounded))
 
 
 def assert_same(a: object, b: object) -> None:

@@ -4,6 +4,7 @@ from shapes import box_mesh, cantilever, turned
 
 from michell_cad.elasticity import StressField, solve_elasticity
 from michell_cad.frame_field import fit_frame_field
+from michell_cad.isocurves import trace_isocurves
 from michell_cad.metrics import shear_residual, uncarried_stress
 from michell_cad.parametrization import (
     Parametrization,
@@ -13,10 +14,12 @@ from michell_cad.parametrization import (
 )
 from michell_cad.parametrization.equation_11 import integrate_frames
 from michell_cad.parametrization.fold_barrier import _BarrierEnergy, remove_folds
-from michell_cad.parametrization.phase import choose_phases
+from michell_cad.parametrization.jacobians import cofactors, determinants, product, transposed
+from michell_cad.parametrization.phase import CLEARANCE, MOST_STRETCH, choose_phases, hug_faces
 from michell_cad.parametrization.stress_following import _FollowingEnergy
 from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
+from michell_cad.truss import NodeKind, clean_network, interior_degree_6
 
 
 def random_frames(mesh: TetMesh, size: float, seed: int = 0) -> np.ndarray:
@@ -44,6 +47,16 @@ def test_gradient_frames_of_a_harmonic_pair_integrate_exactly():
     unit = gradients / np.linalg.norm(gradients, axis=2, keepdims=True)
     cosine = np.einsum("tid,tdi->ti", unit, frames[:, :, :2])
     assert np.median(cosine) > 0.995
+
+
+def test_matrix_helpers_agree_with_linear_algebra():
+    rng = np.random.default_rng(0)
+    A, B = rng.normal(size=(2, 7, 3, 3))
+    a, b = A.transpose(1, 2, 0), B.transpose(1, 2, 0)
+    np.testing.assert_allclose(product(a, transposed(b)), (A @ B.swapaxes(1, 2)).transpose(1, 2, 0))
+    C = cofactors(a)
+    np.testing.assert_allclose(determinants(a, C), np.linalg.det(A))
+    np.testing.assert_allclose(transposed(C) / determinants(a, C), np.linalg.inv(A).transpose(1, 2, 0))
 
 
 @pytest.mark.parametrize("which", ["barrier", "following"])
@@ -149,6 +162,39 @@ def test_integers_keep_clear_of_faces_they_would_graze():
         whole = box_mesh((3, 2, 2), (3.0, 2.0, 2.0))
         phases = choose_phases(whole, whole.vertices + shift)
         np.testing.assert_allclose((phases + shift) % 1, 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize("turn", [np.zeros(3), np.array([0.4, -1.1, 2.0])])
+def test_layers_hug_both_faces_of_a_box_on_request(turn):
+    """A straight grid of about 14.6 x 12.3 x 11.5 cells, along the edges of a box that is turned in space."""
+    R = rotation_matrix(turn)
+    box = box_mesh((6, 5, 5), (14.6, 12.3, 11.5))
+    mesh = TetMesh(box.vertices @ R.T, box.tets)
+    levels, edge = Parametrization(mesh, mesh.vertices @ R).levels(spacing=1.0, layers="hug")
+    np.testing.assert_allclose(1 - levels.min(0), CLEARANCE, atol=0.02)  # the lowest integer is 1
+    np.testing.assert_allclose(levels.max(0) % 1, CLEARANCE, atol=0.02)
+    assert edge == pytest.approx(1, rel=MOST_STRETCH)
+    truss, _ = clean_network(network := trace_isocurves(mesh, levels), edge)
+    assert interior_degree_6(network) == 1
+    assert len(np.unique(np.sort(truss.members, axis=1), axis=0)) == len(truss.members)
+    # The cells below the surface are whole: no node lies within half a cell of a face, but for those on it.
+    x = (truss.nodes @ R)[truss.node_kinds == NodeKind.INTERIOR]
+    assert len(x) > 500
+    assert np.minimum(x, [14.6, 12.3, 11.5] - x).min() > 0.5
+
+
+def test_one_face_is_hugged_by_a_shift_alone():
+    """Between parallel faces the map is stretched to whole cells; with the other face slanted there is no need to."""
+    cube = box_mesh((4, 4, 4), (10.3, 10.0, 10.0))
+    stretch, shift = hug_faces(cube, cube.vertices + 0.3)
+    np.testing.assert_allclose(stretch[0] * 10.3 % 1, 2 * CLEARANCE, atol=0.03)
+    vertices = cube.vertices.copy()
+    end = vertices[:, 0] > 10
+    vertices[end, 0] += 3 * vertices[end, 1]
+    slanted = TetMesh(vertices, cube.tets)
+    stretch, shift = hug_faces(slanted, vertices + 0.3)
+    assert stretch[0] == pytest.approx(1, abs=0.003)
+    assert (0.3 + CLEARANCE + shift[0]) % 1 == pytest.approx(0, abs=0.02)
 
 
 def test_tangents_and_cell_edges_by_hand():

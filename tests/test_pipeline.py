@@ -1,8 +1,11 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from shapes import box_mesh, cantilever
 
 from michell_cad.errors import InvalidInputError
+from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.pipeline import STAGES, Design, DesignOptions, design
 from michell_cad.problem import DesignProblem, LoadCase
 from michell_cad.report import report_design
@@ -59,6 +62,7 @@ def test_report_figures_agree_with_the_design(bar):
     assert report["parametrization"] == {
         "inverted_tets": 0,
         "double_wound_edges": 0,
+        "outside_spacing_bounds": None,
         "min_det_over_median": report["parametrization"]["min_det_over_median"],
     }
     assert 0 < report["parametrization"]["min_det_over_median"] <= 1
@@ -73,6 +77,13 @@ def test_report_figures_agree_with_the_design(bar):
     a = report["alignment"]
     assert a["curve_shear_residual"] < 0.3
     assert a["angle_deg"][0] == pytest.approx(90, abs=2)
+
+
+def test_the_report_says_how_much_is_outside_of_the_spacing_bounds(bar):
+    tight = ParametrizationOptions(spacing_bounds=(0.999, 1.001))
+    options = dataclasses.replace(bar.options, parametrization=tight)
+    report = report_design(dataclasses.replace(bar, options=options), bar.truss)
+    assert 0.9 < report["parametrization"]["outside_spacing_bounds"] <= 1
 
 
 def test_the_answer_is_the_same_every_time():
@@ -91,6 +102,13 @@ def test_cells_too_fine_for_the_mesh_are_refused_with_a_mesh_size():
 def test_bad_options_are_refused(options):
     with pytest.raises(InvalidInputError, match=r"resolution|spacing"):
         DesignOptions(**options)
+
+
+def test_unknown_layers_are_refused():
+    options = DesignOptions()
+    object.__setattr__(options, "layers", "tight")  # the checker of types would refuse it sooner
+    with pytest.raises(InvalidInputError, match="layers must be one of"):
+        options.__post_init__()
 
 
 def test_one_tet_gives_a_truss_or_a_clear_refusal():

@@ -5,7 +5,7 @@ integration of the frames (`equation_11`), the removal of folds (`fold_barrier`)
 the curves themselves (`stress_following`).
 """
 
-from michell_cad.parametrization.parametrize import Parametrization, ParametrizationOptions, parametrize
+from michell_cad.parametrization.parametrize import Layers, Parametrization, ParametrizationOptions, parametrize
 from michell_cad.parametrization.quality import count_double_wound_edges
 
-__all__ = ["Parametrization", "ParametrizationOptions", "count_double_wound_edges", "parametrize"]
+__all__ = ["Layers", "Parametrization", "ParametrizationOptions", "count_double_wound_edges", "parametrize"]

@@ -72,6 +72,13 @@ def remove_folds(
     )
 
 
+def barrier_energy(
+    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float, linear: LeastSquaresMap
+) -> tuple[Callable[[np.ndarray], tuple[float, np.ndarray]], Float[np.ndarray, " n_t"], Float[np.ndarray, " n_t"]]:
+    """The energy of Eq. 11 with barrier, about its second derivative by grad phi in each tet, and the tets' weights."""
+    return _BarrierEnergy(mesh, frames, spacing_weight, linear), 2 * linear.weights, linear.weights
+
+
 @dataclass(eq=False)
 class _BarrierEnergy:
     """Value and gradient of Eq. 11 with barrier; `eps` and `stiffness` vary from round to round."""

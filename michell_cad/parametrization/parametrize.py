@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -13,11 +14,15 @@ from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, matching_metric
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
-from michell_cad.parametrization.fold_barrier import remove_folds
-from michell_cad.parametrization.phase import choose_phases
-from michell_cad.parametrization.stress_following import follow_stress
+from michell_cad.parametrization.fold_barrier import barrier_energy, remove_folds
+from michell_cad.parametrization.phase import choose_phases, hug_faces
+from michell_cad.parametrization.spacing_bounds import SpacingBounds, bound_spacing
+from michell_cad.parametrization.stress_following import follow_stress, following_energy
 from michell_cad.part_axes import part_axes
 from michell_cad.tet_mesh import TetMesh
+
+Layers = Literal["clear", "hug"]
+"""Where the layers of cells lie: clear of the faces that they would graze, or just inside them, see `phase`."""
 
 
 @dataclass(frozen=True)
@@ -28,15 +33,23 @@ class ParametrizationOptions:
     ----------
     spacing_weight : the paper's beta: 0.1 follows the stress closely, 1 keeps the spacing even.
     follow_stress : whether to align the curves themselves after Eq. 11; False ends with Eq. 11 and its fold barrier.
+    spacing_bounds : smallest and largest edge of a cell over the median edge, for example (0.5, 2). They are held in
+        all of the part if that is possible without folds, and as nearly as possible if not; the report states the
+        share of the volume left outside. None: no bounds.
     """
 
     spacing_weight: float = 0.1
     follow_stress: bool = True
+    spacing_bounds: SpacingBounds | None = None
 
     def __post_init__(self) -> None:
         require(
             np.isfinite(self.spacing_weight) and 1e-3 <= self.spacing_weight <= 100,
             f"spacing_weight must lie between 0.001 and 100, found {self.spacing_weight}",
+        )
+        require(
+            self.spacing_bounds is None or 0 < self.spacing_bounds[0] < 1 < self.spacing_bounds[1] < np.inf,
+            f"spacing_bounds must be two numbers, one below 1 and one above it, found {self.spacing_bounds}",
         )
 
 
@@ -84,13 +97,17 @@ class Parametrization:
         return (cofactors / np.maximum(length, np.finfo(float).tiny)).transpose(0, 2, 1)
 
     def levels(
-        self, resolution: float | None = None, spacing: float | None = None
+        self,
+        resolution: float | None = None,
+        spacing: float | None = None,
+        layers: Layers = "clear",
     ) -> tuple[Float[np.ndarray, "n_v 3"], float]:
         """Scale and shift the coordinates into cells; returns them with the median edge of a cell, mm.
 
         One scale for all three coordinates. With `resolution` (the paper's rho) the coordinate with the longest range
-        spans that many cells; with `spacing` (mm) the median cell edge is that long. The shift of each coordinate is
-        that of `choose_phases`, plus the integer that makes its lowest value lie between 0 and 1.
+        spans that many cells; with `spacing` (mm) the median cell edge is that long. With `layers` "clear" the shift of
+        each coordinate is that of `choose_phases`; with "hug" it is shifted, and stretched by a few per cent, by
+        `hug_faces`. On top comes the integer that makes its lowest value lie between 0 and 1.
         """
         low, high = self.phi.min(0), self.phi.max(0)
         unit_edge = float(np.median(self.cell_edges))
@@ -100,9 +117,14 @@ class Parametrization:
             scale = unit_edge / spacing
         else:
             raise InvalidInputError("give either a resolution or a spacing")
-        levels = (self.phi - low) * scale
-        levels = levels + choose_phases(self.mesh, levels)
-        return levels - np.floor(levels.min(0)), unit_edge / scale
+        levels, edge = (self.phi - low) * scale, unit_edge / scale
+        if layers == "hug":
+            stretch, shift = hug_faces(self.mesh, levels)
+            levels = levels * stretch + shift
+            edge = float(np.median(self.cell_edges / stretch)) / scale
+        else:
+            levels = levels + choose_phases(self.mesh, levels)
+        return levels - np.floor(levels.min(0)), edge
 
 
 def parametrize(
@@ -116,6 +138,8 @@ def parametrize(
 
     The last step starts from three injective maps: the fold-free Eq. 11, and the straight grids along the best constant
     frame and along the part's axes; the lowest energy is kept.
+
+    With `spacing_bounds` a last step, from the map so found and with the same energy, draws the cells within them.
 
     Raises
     ------
@@ -139,4 +163,11 @@ def parametrize(
             linear.factors[0].ordering,
             lambda f: progress(share + (1 - share) * f),
         )
+    if options.spacing_bounds is not None:
+        if options.follow_stress:
+            energy, stiffness, weights = following_energy(mesh, stress_field.stress, options.spacing_weight)
+            phi = phi / np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
+        else:
+            energy, stiffness, weights = barrier_energy(mesh, frame_field.frames, options.spacing_weight, linear)
+        phi = bound_spacing(mesh, phi, options.spacing_bounds, energy, stiffness, weights)
     return Parametrization(mesh, centre_parts(mesh, phi))

@@ -107,6 +107,14 @@ def _scale(mesh: TetMesh, phi: np.ndarray) -> float:
     return float(np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3))
 
 
+def following_energy(
+    mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"], spacing_weight: float
+) -> tuple[Callable[[np.ndarray], tuple[float, np.ndarray]], Float[np.ndarray, " n_t"], Float[np.ndarray, " n_t"]]:
+    """The energy of the last round, about its second derivative by grad phi in each tet, and the weights w of tets."""
+    energy = _FollowingEnergy(mesh, stress, _spacing_rounds(spacing_weight)[-1])
+    return energy, energy.weights_stress + 8 * energy.spacing * energy.weights_volume, energy.weights_volume
+
+
 def _spacing_rounds(spacing_weight: float) -> list[float]:
     last = SPACING_PER_WEIGHT * spacing_weight
     rounds = [last]
