@@ -11,12 +11,12 @@ from itertools import permutations, product
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.curves import KINDS, CurveKind, NodeKind
 from michell_cad.deviator import deviator
 from michell_cad.frame_field import FrameField
 from michell_cad.isocurves import CurveNetwork
 from michell_cad.parametrization import Parametrization
 from michell_cad.tet_mesh import TetMesh
-from michell_cad.truss import CurveKind, NodeKind
 
 DISTINCT_GAP = 0.1
 """Principal stresses count as distinct when both gaps exceed this fraction of |dev sigma| (Frobenius)."""
@@ -139,10 +139,10 @@ def angles_between_families(network: CurveNetwork) -> Float[np.ndarray, " k"]:
 
     Paper, Section 5.2: at each interior node all pairs of members that belong to different families of interior curves.
     """
+    curves = network.curves
     axis = np.full(len(network.members), -1)
-    for curve in network.curves:
-        if curve.kind is CurveKind.INTERIOR:
-            axis[curve.members] = curve.axis
+    along = np.where(curves.kinds == KINDS.index(CurveKind.INTERIOR), curves.axes, -1)
+    axis[curves.members] = np.repeat(along, np.diff(curves.member_offsets))
     vectors = network.nodes[network.members[:, 1]] - network.nodes[network.members[:, 0]]
     ends = np.concatenate([network.members[:, 0], network.members[:, 1]])
     outwards = np.concatenate([vectors, -vectors])

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from michell_cad.arrays import require
-from michell_cad.curves import FAMILIES, Curve, CurveKind, Isovalues, NodeKind
+from michell_cad.curves import FAMILIES, NO_ISOVALUE, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
 from michell_cad.isocurves.features import FeatureSegments, trace_features
 from michell_cad.isocurves.interior import Segments, trace_interior
@@ -30,11 +30,6 @@ from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.isocurves.surface import SurfaceSegments, find_edges, trace_surface
 from michell_cad.isocurves.weave import WovenCurves, weave_curves
 from michell_cad.tet_mesh import TetMesh
-
-KINDS = (CurveKind.INTERIOR, CurveKind.BOUNDARY, CurveKind.FEATURE)
-
-NONE = np.iinfo(np.int64).max
-"""Stands for an isovalue that is None in arrays of labels."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +76,7 @@ class _Strands:
     kinds: np.ndarray
     """Of each segment: index into `KINDS`."""
     isovalues: np.ndarray
-    """Of each segment, (m, 3), `NONE` for a coordinate that varies."""
+    """Of each segment, (m, 3), `NO_ISOVALUE` for a coordinate that varies."""
     vertex_points: np.ndarray
     vertex_nodes: np.ndarray
 
@@ -214,14 +209,14 @@ def _concatenate(parts: list[Segments], vertex_counts: list[int]) -> Segments:
 
 def _isovalues(crossings: FaceCrossings, interior: Segments, surface: SurfaceSegments, n_features: int) -> np.ndarray:
     """Isovalues of all segments, in the order interior, boundary, feature."""
-    inside = np.full((len(interior.ends), 3), NONE)
+    inside = np.full((len(interior.ends), 3), NO_ISOVALUE)
     crossing = interior.ends[:, 0]
     for pair, (i, j) in enumerate(PAIRS):
         mine = crossings.pair[crossing] == pair
         inside[mine, i], inside[mine, j] = crossings.a[crossing[mine]], crossings.b[crossing[mine]]
-    outside = np.full((len(surface.axis), 3), NONE)
+    outside = np.full((len(surface.axis), 3), NO_ISOVALUE)
     outside[np.arange(len(surface.axis)), surface.axis] = surface.value
-    return np.concatenate([inside, outside, np.full((n_features, 3), NONE)])
+    return np.concatenate([inside, outside, np.full((n_features, 3), NO_ISOVALUE)])
 
 
 def _axes(
@@ -254,7 +249,7 @@ def _axes(
     first = int(np.searchsorted(strands.kinds, 1))
     total = np.zeros((n_c, 3))
     np.add.at(total, chain[on_surface], score[segment[on_surface] - first])
-    along = np.where(kinds == 0, np.argmax(isovalues == NONE, axis=1), total.argmax(1))
+    along = np.where(kinds == 0, np.argmax(isovalues == NO_ISOVALUE, axis=1), total.argmax(1))
     return np.where(kinds == 2, -1, along)
 
 
@@ -313,32 +308,23 @@ def _assemble(
     )
 
 
-def _isovalues_of(*values: int) -> Isovalues:
-    a, b, c = (None if value == NONE else value for value in values)
-    return a, b, c
-
-
-def _label(
-    woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]
-) -> tuple[Curve, ...]:
+def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]) -> Curves:
     """Curves with their labels; those with equal kind and isovalues are numbered in the order in which they come."""
-    curves = []
-    component, last = 0, None
-    numbers = np.arange(len(woven.members))
-    for c, (kind, *isovalues) in enumerate(labels.tolist()):
-        component, last = (component + 1 if last == (kind, isovalues) else 0), (kind, isovalues)
-        n0, n1 = woven.node_offsets[c : c + 2]
-        m0, m1 = woven.member_offsets[c : c + 2]
-        curves.append(
-            Curve(
-                KINDS[kind],
-                families[axes[c]] if axes[c] >= 0 else "feature",
-                int(axes[c]),
-                _isovalues_of(*isovalues),
-                component,
-                woven.nodes[n0:n1],
-                numbers[m0:m1],
-                bool(woven.closed[c]),
-            )
-        )
-    return tuple(curves)
+    n = len(labels)
+    new = np.ones(n, bool)
+    new[1:] = (labels[1:] != labels[:-1]).any(1)
+    first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
+    # Axis -1, the last entry, stands for a feature.
+    family_of_axis = np.array([FAMILIES.index(name) for name in (*families, "feature")])
+    return Curves(
+        labels[:, 0],
+        family_of_axis[axes],
+        axes,
+        labels[:, 1:],
+        np.arange(n) - first,
+        woven.closed,
+        woven.nodes,
+        woven.node_offsets,
+        np.arange(len(woven.members)),
+        woven.member_offsets,
+    )
