@@ -6,8 +6,11 @@ the part are weighted by volume times |dev sigma|, so that tets without a direct
 """
 
 from dataclasses import dataclass
+from inspect import unwrap
 from itertools import permutations, product
+from typing import Any
 
+import numba
 import numpy as np
 from jaxtyping import Float
 
@@ -68,12 +71,29 @@ def name_families(
 
     The highest mean is `tension`, the lowest `compression`, the remaining one `third`.
     """
-    axial = mesh.volumes @ np.einsum("tij,tik,tkj->tj", tangents, stress, tangents, optimize=True)
+    axial = add_axial_stress(mesh.volumes, stress, tangents)
     names = ["third"] * 3
     names[int(np.argmax(axial))] = "tension"
     # The last of equal values, so that a part without stress has two different families, too.
     names[2 - int(np.argmin(axial[::-1]))] = "compression"
     return names[0], names[1], names[2]
+
+
+def _add_axial_stress(volumes: Any, stress: Any, directions: Any) -> Any:
+    """Sum over the tets t of v_t b_i' sigma_t b_i, for each of the three directions (columns) b_i."""
+    total = np.zeros(3)
+    for t in range(len(volumes)):
+        for i in range(3):
+            for d in range(3):
+                along = 0.0
+                for e in range(3):
+                    along += stress[t, d, e] * directions[t, e, i]
+                total[i] += volumes[t] * directions[t, d, i] * along
+    return total
+
+
+# The plain function: a checker of types that wraps every function of the package cannot be compiled.
+add_axial_stress = numba.njit(cache=True, error_model="numpy")(unwrap(_add_axial_stress))
 
 
 def shear_residual(

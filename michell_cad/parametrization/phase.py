@@ -27,7 +27,7 @@ def choose_phases(mesh: TetMesh, levels: Float[np.ndarray, "n_v 3"]) -> Float[np
     around the integers, phi_i taken at the middles of the triangle's edges.
     """
     tets = mesh.face_tets[mesh.boundary_faces, 0]
-    gradients = mesh.gradients(levels)[tets]
+    gradients = mesh.gradients(levels, tets)
     length = np.linalg.norm(gradients, axis=2) * np.linalg.norm(mesh.boundary_area_vectors, axis=1)[:, None]
     cosine = np.einsum("bid,bd->bi", gradients, mesh.boundary_area_vectors) / np.maximum(length, np.finfo(float).tiny)
     weights = np.linalg.norm(mesh.boundary_area_vectors, axis=1)[:, None] * np.abs(cosine) ** _SHARPNESS
