@@ -306,3 +306,20 @@ def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     return owner, np.arange(len(owner)) - (ends - counts)[owner]
+
+
+def lexicographic_order(rows: Int[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
+    """Order that sorts integer rows by their first column, then their second, and so on.
+
+    The rows are packed in one 64-bit key where they fit, which sorts several times faster than `np.lexsort`.
+    """
+    if not len(rows):
+        return np.zeros(0, np.int64)
+    low = rows.min(0)
+    widths = rows.max(0) - low + 1
+    if np.prod(widths.astype(float)) < 2**62:
+        key = np.zeros(len(rows), np.int64)
+        for column, width in zip((rows - low).T, widths, strict=True):
+            key = key * width + column
+        return np.argsort(key, kind="stable")
+    return np.lexsort(rows.T[::-1])
