@@ -228,6 +228,16 @@ def _find_crossings(
     return n
 
 
+def _place_crossings(vertices: Any, faces: Any, face: Any, weights: Any, points: Any) -> None:
+    """Points with the barycentric coordinates `weights` in the given faces."""
+    for n in range(len(face)):
+        u, v, w = faces[face[n], 0], faces[face[n], 1], faces[face[n], 2]
+        for d in range(3):
+            points[n, d] = (
+                weights[n, 0] * vertices[u, d] + weights[n, 1] * vertices[v, d] + weights[n, 2] * vertices[w, d]
+            )
+
+
 def _orient(x0: int, y0: int, x1: int, y1: int) -> tuple[int, int]:
     """Return w = x0 y1 - x1 y0 and its sign, where a tie is decided by the shift of the origin by (e_i, e_j).
 
@@ -271,6 +281,7 @@ def _third_coordinate(p: Any, q: Any, r: Any, k: int, w1: int, w2: int, area: in
 orient = numba.njit(cache=True, error_model="numpy", inline="always")(unwrap(_orient))
 third_coordinate = numba.njit(cache=True, error_model="numpy")(unwrap(_third_coordinate))
 count_candidates = numba.njit(cache=True, error_model="numpy")(unwrap(_count_candidates))
+place_crossings = numba.njit(cache=True, error_model="numpy")(unwrap(_place_crossings))
 find_crossings = numba.njit(cache=True, error_model="numpy")(unwrap(_find_crossings))
 
 

@@ -32,6 +32,7 @@ from michell_cad.isocurves.lattice import (
     cross_edges,
     cross_faces,
     lexicographic_order,
+    place_crossings,
     round_levels,
 )
 from michell_cad.isocurves.network import CurveNetwork
@@ -136,7 +137,8 @@ def trace_isocurves(
     )
     grid = round_levels(levels, mesh.tets)
     crossings = cross_faces(mesh.faces, grid)
-    points = np.einsum("nk,nkd->nd", crossings.weights, mesh.vertices[mesh.faces[crossings.face]])
+    points = np.empty((len(crossings.face), 3))
+    place_crossings(mesh.vertices, mesh.faces, crossings.face, crossings.weights, points)
     interior, interior_nodes = trace_interior(mesh, crossings, points)
     edges = cross_edges(mesh.boundary_edges, grid)
     edge_points, edge_levels = _at_edges(mesh, levels, edges)

@@ -14,7 +14,7 @@ def measure_cells(
     """Determinants, edges and directions of the cells of unit isovalues in tets with the given Jacobians (rows g_i).
 
     The columns b_i of J^-1 follow from the cross products g_j x g_k = det J b_i. The edges are |b_i|, inf where
-    det J = 0; the directions are columns, b_i / |b_i|, zero where g_j x g_k and det J vanish.
+    det J = 0; the directions are columns, b_i / |b_i|, zero where g_j x g_k vanishes.
     """
     n = len(jacobians)
     determinants, edges, directions = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
@@ -35,7 +35,7 @@ def _fill_cells(J: Any, determinants: Any, edges: Any, directions: Any) -> None:
         for i in range(3):
             size = np.sqrt(C[i, 0] ** 2 + C[i, 1] ** 2 + C[i, 2] ** 2)
             edges[t, i] = size / abs(determinant) if determinant != 0 else np.inf
-            factor = np.sign(determinant) / size if size > 0 else 0.0
+            factor = (-1.0 if determinant < 0 else 1.0) / size if size > 0 else 0.0
             for d in range(3):
                 directions[t, d, i] = factor * C[i, d]
 
