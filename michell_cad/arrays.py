@@ -8,10 +8,12 @@ from michell_cad.errors import InvalidInputError
 
 
 def frozen(array: Any, dtype: Any = None) -> np.ndarray:
-    """Return a read-only C-contiguous copy of `array` (the array itself if it is one already)."""
-    if isinstance(array, np.ndarray) and not array.flags.writeable and array.flags.c_contiguous:
-        if array.base is None and (dtype is None or array.dtype == np.dtype(dtype)):
-            return array
+    """Return a read-only C-contiguous copy of `array`; itself if neither it nor what it views is writeable."""
+    if isinstance(array, np.ndarray) and array.flags.c_contiguous and not array.flags.writeable:
+        owner = array if array.base is None else array.base
+        if isinstance(owner, np.ndarray) and not owner.flags.writeable and owner.base is None:
+            if dtype is None or array.dtype == dtype:
+                return array
     copy = np.array(array, dtype=dtype, order="C", copy=True)
     copy.flags.writeable = False
     return copy

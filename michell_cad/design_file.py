@@ -5,13 +5,14 @@ Plain arrays and one JSON text, no pickled objects: the file can be read by any 
 
 import json
 import zipfile
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from michell_cad.curves import Curve, CurveKind
+from michell_cad.curves import Curve, CurveKind, Curves
 from michell_cad.elasticity import ElasticityOptions, StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing
@@ -154,7 +155,7 @@ def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Kn
             a["network_members"],
             a["network_path_points"],
             a["network_path_offsets"],
-            _unpack_curves("network", a, meta["network_curves"]),
+            Curves.of(_unpack_curves("network", a, meta["network_curves"])),
         ),
         CleaningReport(**tuples(meta["cleaning"])),
         Alignment(**tuples(meta["alignment"])),
@@ -162,7 +163,7 @@ def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Kn
     ), Knobs.model_validate(meta["knobs"])
 
 
-def _pack_curves(prefix: str, curves: tuple[Curve, ...]) -> dict[str, np.ndarray]:
+def _pack_curves(prefix: str, curves: Sequence[Curve]) -> dict[str, np.ndarray]:
     def joined(parts: list[np.ndarray]) -> np.ndarray:
         return np.concatenate([np.zeros(0, np.int64), *parts])
 
@@ -173,7 +174,7 @@ def _pack_curves(prefix: str, curves: tuple[Curve, ...]) -> dict[str, np.ndarray
     }
 
 
-def _curve_labels(curves: tuple[Curve, ...]) -> list[list[Any]]:
+def _curve_labels(curves: Sequence[Curve]) -> list[list[Any]]:
     return [[str(c.kind), c.family, c.axis, list(c.isovalues), c.component, c.closed] for c in curves]
 
 

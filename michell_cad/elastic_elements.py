@@ -74,5 +74,5 @@ def _add_averaged_force(
             row[2] += s[4] * x + s[3] * y + s[2] * z
 
 
-add_stiffness = compiled(_add_stiffness)
-add_averaged_force = compiled(_add_averaged_force)
+add_stiffness = compiled(_add_stiffness, reorder=True)
+add_averaged_force = compiled(_add_averaged_force, reorder=True)

@@ -65,4 +65,4 @@ def _add_tets(tets: Any, weights: Any, A: Any, w: Any, gradient: Any) -> float:
     return energy
 
 
-add_tets = compiled(_add_tets)
+add_tets = compiled(_add_tets, reorder=True)

@@ -7,16 +7,18 @@ the part are weighted by volume times |dev sigma|, so that tets without a direct
 
 from dataclasses import dataclass
 from itertools import permutations, product
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.compiled import compiled
+from michell_cad.curves import KINDS, CurveKind, NodeKind
 from michell_cad.deviator import deviator
 from michell_cad.frame_field import FrameField
 from michell_cad.isocurves import CurveNetwork
 from michell_cad.parametrization import Parametrization
 from michell_cad.tet_mesh import TetMesh
-from michell_cad.truss import CurveKind, NodeKind
 
 DISTINCT_GAP = 0.1
 """Principal stresses count as distinct when both gaps exceed this fraction of |dev sigma| (Frobenius)."""
@@ -68,12 +70,28 @@ def name_families(
 
     The highest mean is `tension`, the lowest `compression`, the remaining one `third`.
     """
-    axial = mesh.volumes @ np.einsum("tij,tik,tkj->tj", tangents, stress, tangents, optimize=True)
+    axial = add_axial_stress(mesh.volumes, stress, tangents)
     names = ["third"] * 3
     names[int(np.argmax(axial))] = "tension"
     # The last of equal values, so that a part without stress has two different families, too.
     names[2 - int(np.argmin(axial[::-1]))] = "compression"
     return names[0], names[1], names[2]
+
+
+def _add_axial_stress(volumes: Any, stress: Any, directions: Any) -> Any:
+    """Sum over the tets t of v_t b_i' sigma_t b_i, for each of the three directions (columns) b_i."""
+    total = np.zeros(3)
+    for t in range(len(volumes)):
+        for i in range(3):
+            for d in range(3):
+                along = 0.0
+                for e in range(3):
+                    along += stress[t, d, e] * directions[t, e, i]
+                total[i] += volumes[t] * directions[t, d, i] * along
+    return total
+
+
+add_axial_stress = compiled(_add_axial_stress)
 
 
 def shear_residual(
@@ -139,10 +157,10 @@ def angles_between_families(network: CurveNetwork) -> Float[np.ndarray, " k"]:
 
     Paper, Section 5.2: at each interior node all pairs of members that belong to different families of interior curves.
     """
+    curves = network.curves
     axis = np.full(len(network.members), -1)
-    for curve in network.curves:
-        if curve.kind is CurveKind.INTERIOR:
-            axis[curve.members] = curve.axis
+    along = np.where(curves.kinds == KINDS.index(CurveKind.INTERIOR), curves.axes, -1)
+    axis[curves.members] = np.repeat(along, np.diff(curves.member_offsets))
     vectors = network.nodes[network.members[:, 1]] - network.nodes[network.members[:, 0]]
     ends = np.concatenate([network.members[:, 0], network.members[:, 1]])
     outwards = np.concatenate([vectors, -vectors])

@@ -11,6 +11,8 @@ import numpy as np
 
 from michell_cad.elasticity import solve_elasticity
 from michell_cad.frame_field import FrameFieldOptions, fit_frame_field
+from michell_cad.isocurves import trace_isocurves
+from michell_cad.metrics import name_families
 from michell_cad.parametrization import parametrize
 from michell_cad.problem import DesignProblem, LoadCase, Material
 from michell_cad.tet_mesh import TetMesh
@@ -29,4 +31,6 @@ def load_compiled_loops() -> None:
     problem = DesignProblem(mesh, Material("any", 1.0, 0.3, 1.0, 1.0), held, (LoadCase("pull", pull),))
     stress_field = solve_elasticity(problem)
     frame_field = fit_frame_field(mesh, stress_field, FrameFieldOptions(starts=1, smoothness=(1.0,)))
-    parametrize(mesh, stress_field, frame_field)
+    parametrization = parametrize(mesh, stress_field, frame_field)
+    levels, _ = parametrization.levels(resolution=2.0)
+    trace_isocurves(mesh, levels, name_families(mesh, stress_field.stress, parametrization.tangents))

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import box_mesh
 
-from michell_cad.curves import Curve, CurveKind, NodeKind
+from michell_cad.curves import Curve, CurveKind, Curves, NodeKind
 from michell_cad.errors import InvalidInputError
 from michell_cad.isocurves import CurveNetwork, trace_isocurves
 from michell_cad.truss import (
@@ -43,7 +43,9 @@ def network_of(
     points = [np.reshape((paths or {}).get(m, []), (-1, 3)) for m in range(len(members))]
     offsets = np.concatenate([[0], np.cumsum([len(p) for p in points])])
     nodes = np.array(nodes, float)
-    return CurveNetwork(nodes, np.array(kinds), nodes, np.array(members), np.concatenate(points), offsets, tuple(made))
+    return CurveNetwork(
+        nodes, np.array(kinds), nodes, np.array(members), np.concatenate(points), offsets, Curves.of(made)
+    )
 
 
 def box_network(shift: float = 0.5, cells: int = 3) -> CurveNetwork:

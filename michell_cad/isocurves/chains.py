@@ -1,11 +1,12 @@
 """Chains: paths and loops of a graph whose vertices have at most two edges, each in order from end to end."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Bool, Int
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from michell_cad.compiled import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,7 @@ class Chains:
 def order_chains(n: int, ends: Int[np.ndarray, "m 2"]) -> Chains:
     """Put the vertices of a graph of paths and loops in order, in time linear in its size.
 
-    Every loop is cut at one of its edges and the chains are tied end to start: the graph becomes one path, which a
-    single breadth-first search walks from end to end.
+    Chains are in the order of their lowest vertices. A path begins at its lower end, a loop with its lowest edge last.
 
     Parameters
     ----------
@@ -44,33 +44,63 @@ def order_chains(n: int, ends: Int[np.ndarray, "m 2"]) -> Chains:
     ends : (m, 2) int, the two vertices of each edge. No vertex has more than two; double edges and edges from a vertex
         to itself are loops of two and one vertices.
     """
-    if n == 0:
-        empty = np.zeros(0, np.int64)
-        return Chains(empty, np.zeros(1, np.int64), empty, np.zeros(0, bool))
-    degree = np.bincount(ends.ravel(), minlength=n)
-    assert degree.max(initial=0) <= 2, "a vertex of a chain has more than two edges"
-    n_c, label = connected_components(_graph(n, ends), directed=False)
-    loose = np.flatnonzero(degree < 2)
-    start, finish, cut = (np.full(n_c, -1) for _ in range(3))
-    start[label[loose[::-1]]] = loose[::-1]
-    finish[label[loose]] = loose
-    closed = start < 0
-    cut[label[ends[::-1, 0]]] = np.arange(len(ends))[::-1]
-    cut = cut[closed]
-    start[closed], finish[closed] = ends[cut].T
-    kept = np.ones(len(ends), bool)
-    kept[cut] = False
-    ties = np.stack([finish[:-1], start[1:]], axis=1)
-    path = _graph(n, np.concatenate([ends[kept], ties]))
-    order = breadth_first_order(path, start[0], directed=False, return_predecessors=False).astype(np.int64)
-    place = np.empty(n, np.int64)
-    place[order] = np.arange(n)
-    next_edge = np.full(n, -1)
-    next_edge[place[ends[kept]].min(1)] = np.flatnonzero(kept)
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(label, minlength=n_c))])
-    next_edge[offsets[1:][closed] - 1] = cut
-    return Chains(order, offsets, next_edge, closed)
+    order, next_edge = np.empty(n, np.int64), np.empty(n, np.int64)
+    offsets, closed = np.zeros(n + 1, np.int64), np.empty(n, bool)
+    n_c = walk_chains(ends, order, next_edge, offsets, closed)
+    assert n_c >= 0, "a vertex of a chain has more than two edges"
+    return Chains(order, offsets[: n_c + 1].copy(), next_edge, closed[:n_c].copy())
 
 
-def _graph(n: int, ends: np.ndarray) -> sp.csr_matrix:
-    return sp.csr_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(n, n))
+def _walk_chains(ends: Any, order: Any, next_edge: Any, offsets: Any, closed: Any) -> int:
+    """Fill the arrays of `Chains`; return the number of chains, -1 if a vertex has more than two edges."""
+    n = len(order)
+    edges = np.full((n, 2), -1)
+    for e in range(len(ends)):
+        for side in range(2):
+            v = ends[e, side]
+            if edges[v, 1] >= 0:
+                return -1
+            edges[v, 1 if edges[v, 0] >= 0 else 0] = e
+    placed = np.zeros(n, np.bool_)
+    n_c, place = 0, 0
+    for lowest in range(n):
+        if placed[lowest]:
+            continue
+        # Look both ways for an end of the path, or all round the loop for its lowest edge.
+        start, edge, is_loop = find_start(ends, edges, lowest)
+        closed[n_c] = is_loop
+        v = start
+        while True:
+            order[place], next_edge[place] = v, edge
+            placed[v] = True
+            place += 1
+            if edge < 0:
+                break
+            v = ends[edge, 0] + ends[edge, 1] - v
+            if v == start:
+                break
+            edge = edges[v, 1] if edges[v, 0] == edge else edges[v, 0]
+        n_c += 1
+        offsets[n_c] = place
+    return n_c
+
+
+def _find_start(ends: Any, edges: Any, lowest: int) -> tuple[int, int, bool]:
+    """First vertex and edge of the chain of a vertex, and whether it is a loop."""
+    tips = np.empty(2, np.int64)
+    for way in range(2):
+        v, edge, lowest_edge = lowest, edges[lowest, way], len(ends)
+        while edge >= 0:
+            lowest_edge = min(lowest_edge, edge)
+            v = ends[edge, 0] + ends[edge, 1] - v
+            if v == lowest:
+                start = ends[lowest_edge, 0]
+                return start, edges[start, 1] if edges[start, 0] == lowest_edge else edges[start, 0], True
+            edge = edges[v, 1] if edges[v, 0] == edge else edges[v, 0]
+        tips[way] = v
+    start = min(tips[0], tips[1])
+    return start, edges[start, 0], False
+
+
+find_start = compiled(_find_start)
+walk_chains = compiled(_walk_chains)

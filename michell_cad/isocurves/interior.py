@@ -7,11 +7,13 @@ against the point (a, b, c), hence a node of one is a node of all three.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from michell_cad.isocurves.lattice import PAIRS, FaceCrossings, expand
+from michell_cad.compiled import compiled
+from michell_cad.isocurves.lattice import FaceCrossings
 from michell_cad.tet_mesh import TetMesh
 
 
@@ -52,64 +54,161 @@ def trace_interior(
     mesh: TetMesh, crossings: FaceCrossings, points: Float[np.ndarray, "n_c 3"]
 ) -> tuple[Segments, InteriorNodes]:
     """Link the face crossings (at `points`) by segments through the tets, and find the nodes on them."""
-    tets, ends = _link(mesh, crossings)
-    start, finish = ends.T
-    steps = crossings.floor[finish] - crossings.floor[start]
-    segment, local = expand(np.abs(steps))
-    rising = steps[segment] > 0
-    first = crossings.floor[start[segment]]
-    third = np.where(rising, first + 1 + local, first - local)
-    values = np.empty((len(segment), 3), np.int64)
-    for pair, (i, j) in enumerate(PAIRS):
-        mine = crossings.pair[start[segment]] == pair
-        crossing = start[segment[mine]]
-        values[mine, i], values[mine, j], values[mine, 2 - pair] = (
-            crossings.a[crossing],
-            crossings.b[crossing],
-            third[mine],
-        )
-    order = lexicographic_order(np.column_stack([tets[segment], values]))
-    triples = order.reshape(-1, 3)
-    assert (values[triples] == values[triples[:, :1]]).all(), "a node is not shared by three curves"
-    numbers = np.empty(len(segment), np.int64)
-    numbers[triples] = np.arange(len(triples))[:, None]
-    # The family along which the levels change most within the tet places the node best.
-    drop = (crossings.level[finish] - crossings.level[start])[segment]
-    best = np.take_along_axis(triples, np.abs(drop[triples]).argmax(1)[:, None], axis=1)[:, 0]
-    low, change = crossings.level[start[segment[best]]], drop[best]
-    fraction = np.divide(third[best] - low, change, out=np.full(len(best), 0.5), where=change != 0)
-    fraction = np.clip(fraction, 0, 1)[:, None]
-    a, b = points[start[segment[best]]], points[finish[segment[best]]]
-    nodes = InteriorNodes(tets[segment[best]], values[best], a + fraction * (b - a))
-    offsets = np.concatenate([[0], np.cumsum(np.abs(steps))])
+    sides = 2 * len(crossings.face) - np.count_nonzero(mesh.face_tets[crossings.face, 1] < 0)
+    tets, ends = np.empty(sides // 2, np.int64), np.empty((sides // 2, 2), np.int64)
+    n = link_crossings(
+        mesh.tet_faces, mesh.face_tets, crossings.offsets, crossings.pair, crossings.a, crossings.b, tets, ends
+    )
+    assert 2 * n == sides, "a lattice line enters a tet without leaving it"
+    offsets = np.concatenate([[0], np.cumsum(np.abs(crossings.floor[ends[:, 1]] - crossings.floor[ends[:, 0]]))])
+    numbers, places = np.empty(offsets[-1], np.int64), np.empty((offsets[-1] // 3, 3))
+    nodes = InteriorNodes(np.empty(len(places), np.int64), np.empty((len(places), 3), np.int64), places)
+    n = number_nodes(
+        tets,
+        ends,
+        offsets,
+        crossings.pair,
+        crossings.a,
+        crossings.b,
+        crossings.floor,
+        crossings.level,
+        points,
+        numbers,
+        nodes.tets,
+        nodes.values,
+        nodes.points,
+    )
+    assert 3 * n == offsets[-1], "a node is not shared by three curves"
     return Segments(ends, offsets, numbers), nodes
 
 
-def _link(mesh: TetMesh, crossings: FaceCrossings) -> tuple[np.ndarray, np.ndarray]:
-    """Tets of the segments, and the two crossings that each segment joins."""
-    sides = mesh.face_tets[crossings.face]
-    inner = np.flatnonzero(sides[:, 1] >= 0)
-    tets = np.concatenate([sides[:, 0], sides[inner, 1]])
-    crossing = np.concatenate([np.arange(len(sides)), inner])
-    key = np.column_stack([tets, crossings.pair[crossing], crossings.a[crossing], crossings.b[crossing]])
-    order = lexicographic_order(key)
-    twos = order.reshape(-1, 2)
-    assert (key[twos[:, 0]] == key[twos[:, 1]]).all(), "a lattice line enters a tet without leaving it"
-    return tets[twos[:, 0]], crossing[twos]
+def _link_crossings(
+    tet_faces: Any, face_tets: Any, offsets: Any, pair: Any, a: Any, b: Any, tets: Any, ends: Any
+) -> int:
+    """Find the segments, in the order of tet, pair, a, b: their tets and ends. Return their number, -1 if one is loose.
 
-
-def lexicographic_order(rows: Int[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
-    """Order that sorts integer rows by their first column, then their second, and so on.
-
-    The rows are packed in one 64-bit key where they fit, which sorts several times faster than `np.lexsort`.
+    The crossings of each face are in order, so that merging the four lists of a tet brings the two ends together.
     """
-    if not len(rows):
-        return np.zeros(0, np.int64)
-    low = rows.min(0)
-    widths = rows.max(0) - low + 1
-    if np.prod(widths.astype(float)) < 2**62:
-        key = np.zeros(len(rows), np.int64)
-        for column, width in zip((rows - low).T, widths, strict=True):
-            key = key * width + column
-        return np.argsort(key, kind="stable")
-    return np.lexsort(rows.T[::-1])
+    n = 0
+    at, stop = np.empty(4, np.int64), np.empty(4, np.int64)
+    for t in range(len(tet_faces)):
+        for k in range(4):
+            at[k], stop[k] = offsets[tet_faces[t, k]], offsets[tet_faces[t, k] + 1]
+        while True:
+            one, other = -1, -1
+            for k in range(4):
+                if at[k] == stop[k]:
+                    continue
+                order = -1
+                if one >= 0:
+                    c, d = at[k], at[one]
+                    order = pair[c] - pair[d]
+                    if order == 0:
+                        order = a[c] - a[d]
+                    if order == 0:
+                        order = b[c] - b[d]
+                if order < 0:
+                    one, other = k, -1
+                elif order == 0:
+                    other = k
+            if one < 0:
+                break
+            if other < 0:
+                return -1
+            # A direction that does not depend on how the faces of the tet are numbered.
+            c, d = at[one], at[other]
+            c_first = face_tets[tet_faces[t, one], 0] == t
+            d_first = face_tets[tet_faces[t, other], 0] == t
+            if (d_first and not c_first) or (c_first == d_first and d < c):
+                c, d = d, c
+            tets[n], ends[n, 0], ends[n, 1] = t, c, d
+            n += 1
+            at[one] += 1
+            at[other] += 1
+    return n
+
+
+def _number_nodes(
+    tets: Any,
+    ends: Any,
+    offsets: Any,
+    pair: Any,
+    a: Any,
+    b: Any,
+    floor: Any,
+    level: Any,
+    points: Any,
+    numbers: Any,
+    node_tets: Any,
+    node_values: Any,
+    node_points: Any,
+) -> int:
+    """Number the nodes on all segments, and place each on the segment along which the levels change most.
+
+    Every node (tet, a, b, c) lies on the segment (a, b) of the first pair, and gets its number there; the segments
+    (a, c) and (b, c) of the same tet look it up. Returns the number of nodes, -1 if one of these is missing.
+    """
+    n_nodes, base, n_first = 0, 0, 0  # the segments of the first pair in this tet: base ... base + n_first
+    first_node = np.empty(len(tets), np.int64)
+    steepest = np.full(len(node_tets), -1.0)
+    for s in range(len(tets)):
+        c, d = ends[s]
+        p = pair[c]
+        if s == 0 or tets[s] != tets[s - 1]:
+            base, n_first = s, 0
+        drop = level[d] - level[c]
+        rising = floor[d] > floor[c]
+        if p == 0:
+            n_first += 1
+            first_node[s] = n_nodes
+            n_nodes += offsets[s + 1] - offsets[s]
+            if n_nodes > len(node_tets):
+                return -1
+        for local in range(offsets[s + 1] - offsets[s]):
+            third = floor[c] + 1 + local if rising else floor[c] - local
+            x, y, z = a[c], b[c], third
+            home = s
+            if p == 1:
+                y, z = third, b[c]
+            if p == 2:
+                x, y, z = third, a[c], b[c]
+            if p > 0:
+                home = find_segment(ends, a, b, base, base + n_first, x, y)
+                if home < 0:
+                    return -1
+            low, high = floor[ends[home, 0]], floor[ends[home, 1]]
+            if low > high:
+                low, high = high, low
+            if z <= low or z > high:
+                return -1
+            node = first_node[home] + z - low - 1
+            numbers[offsets[s] + local] = node
+            if abs(drop) > steepest[node]:
+                steepest[node] = abs(drop)
+                node_tets[node] = tets[s]
+                node_values[node, 0], node_values[node, 1], node_values[node, 2] = x, y, z
+                fraction = (third - level[c]) / drop if drop != 0 else 0.5
+                fraction = min(max(fraction, 0.0), 1.0)
+                for k in range(3):
+                    node_points[node, k] = points[c, k] + fraction * (points[d, k] - points[c, k])
+    return n_nodes
+
+
+def _find_segment(ends: Any, a: Any, b: Any, start: int, stop: int, x: int, y: int) -> int:
+    """Segment in ``start : stop`` (sorted) with the values (x, y), or -1."""
+    last = stop
+    while start < stop:
+        middle = (start + stop) // 2
+        c = ends[middle, 0]
+        if a[c] < x or (a[c] == x and b[c] < y):
+            start = middle + 1
+        else:
+            stop = middle
+    if start == last or a[ends[start, 0]] != x or b[ends[start, 0]] != y:
+        return -1
+    return start
+
+
+find_segment = compiled(_find_segment)
+link_crossings = compiled(_link_crossings)
+number_nodes = compiled(_number_nodes)

@@ -15,11 +15,13 @@ A lattice point (a, b) below always stands for the shifted one, (a + e_i, b + e_
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
+from michell_cad.compiled import compiled
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 """The pairs (i, j) of coordinates that are integer along an interior curve; the third coordinate of pair p is 2 - p."""
@@ -34,7 +36,7 @@ MAX_LEVEL = 2.0**31
 """Levels below this keep the grid exact in 64-bit integers."""
 
 MAX_CROSSINGS = 2**24
-"""Candidates of one pair that are examined at once (about 150 bytes each, 2.5 GB)."""
+"""Candidates of one pair that are examined at once (72 bytes each of the three pairs, of address space)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def round_levels(levels: Float[np.ndarray, "n_v 3"], tets: Int[np.ndarray, "n_t 
 
 @dataclass(frozen=True, eq=False)
 class FaceCrossings:
-    """Where the lattice lines {phi_i = a, phi_j = b} cross the faces of a mesh.
+    """Where the lattice lines {phi_i = a, phi_j = b} cross the faces of a mesh, in the order of face, pair, a, b.
 
     Parameters
     ----------
@@ -106,6 +108,7 @@ class FaceCrossings:
     weights : (n, 3) float, barycentric coordinates in the face.
     floor : (n,) int, largest integer below the third coordinate of the crossing, exact.
     level : (n,) float, third coordinate of the crossing.
+    offsets : (n_f + 1,) int; crossings of face f are ``offsets[f] : offsets[f + 1]``.
     """
 
     face: Int[np.ndarray, " n"]
@@ -115,6 +118,7 @@ class FaceCrossings:
     weights: Float[np.ndarray, "n 3"]
     floor: Int[np.ndarray, " n"]
     level: Float[np.ndarray, " n"]
+    offsets: Int[np.ndarray, " n_f1"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,61 +150,137 @@ def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossi
     (phi_i, phi_j): the three products w = orient2D(two corners, point) then have the same sign. They are the
     barycentric coordinates, times their sum, from which the third coordinate follows as an exact fraction.
     """
-    corner_floors = [grid.floors[corner] for corner in faces.T]
-    low = np.minimum(np.minimum(corner_floors[0], corner_floors[1]), corner_floors[2])
-    spans = np.maximum(np.maximum(corner_floors[0], corner_floors[1]), corner_floors[2]) - low
-    parts = [_cross_pair(faces, grid, low, spans, pair) for pair in range(3)]
-    return FaceCrossings(*(np.concatenate([part[field] for part in parts]) for field in range(7)))
-
-
-def _cross_pair(faces: np.ndarray, grid: GridLevels, low: np.ndarray, spans: np.ndarray, pair: int) -> tuple:
-    i, j = PAIRS[pair]
-    hit = np.flatnonzero(spans[:, i] * spans[:, j])
-    counts = spans[hit, i] * spans[hit, j]
+    candidates = count_candidates(faces, grid.floors)
     require(
-        counts.sum() < MAX_CROSSINGS,
-        f"the levels cross the faces of the mesh {counts.sum()} times for one pair of coordinates, more than "
+        candidates.max() < MAX_CROSSINGS,
+        f"the levels cross the faces of the mesh {candidates.max()} times for one pair of coordinates, more than "
         f"{MAX_CROSSINGS}: the parametrization is too wild, or the resolution too high, for this mesh",
     )
-    owner, local = expand(counts)
-    face = hit[owner]
-    a = low[face, i] + 1 + local // spans[face, j]
-    b = low[face, j] + 1 + local % spans[face, j]
-    corners = faces[face].T
-    x = grid.values[:, i][corners] - (a << grid.shift)
-    y = grid.values[:, j][corners] - (b << grid.shift)
-    w = x[[1, 2, 0]] * y[[2, 0, 1]] - x[[2, 0, 1]] * y[[1, 2, 0]]
-    sign = np.sign(w)
-    # d w / d e_i = y_from - y_to and d w / d e_j = x_to - x_from decide a tie; both vanish for an edge without length,
-    # and then the face has no area and is not crossed.
-    edge, k = np.nonzero(sign == 0)
-    start, end = (edge + 1) % 3, (edge + 2) % 3
-    by_i = np.sign(y[start, k] - y[end, k])
-    sign[edge, k] = np.where(by_i != 0, by_i, np.sign(x[end, k] - x[start, k]))
-    inside = (sign[0] != 0) & (sign[0] == sign[1]) & (sign[1] == sign[2])
-    face, a, b, w = face[inside], a[inside], b[inside], w[:, inside]
-    floor, level = _third_coordinates(faces[face], grid, pair, w)
-    return face, np.full(len(face), pair), a, b, (w / w.sum(0)).T, floor, level
+    # Room for all candidates; the system gives memory only to the part that is filled.
+    room = int(candidates.sum())
+    integers = tuple(np.empty(room, np.int64) for _ in range(5))
+    weights, level = np.empty((room, 3)), np.empty(room)
+    offsets = np.zeros(len(faces) + 1, np.int64)
+    n = find_crossings(faces, grid.values, grid.floors, grid.shift, *integers, weights, level, offsets)
+    face, pair, a, b, floor = (array[:n] for array in integers)
+    return FaceCrossings(face, pair, a, b, weights[:n], floor, level[:n], offsets)
 
 
-def _third_coordinates(corners: np.ndarray, grid: GridLevels, pair: int, w: np.ndarray) -> tuple:
-    """Floor (exact, ties by the shift) and value of the third coordinate at the points with weights w / sum(w)."""
-    k = 2 - pair
-    z = grid.values[:, k][corners.T]
-    area = w.sum(0)
-    numerator = np.sign(area) * (w[1] * (z[1] - z[0]) + w[2] * (z[2] - z[0]))
-    quotient, remainder = np.divmod(numerator, np.abs(area))
-    whole = z[0] + quotient
-    floor = whole >> grid.shift
-    tie = np.flatnonzero((remainder == 0) & (whole & (grid.cell - 1) == 0))
-    if len(tie):
+def _count_candidates(faces: Any, floors: Any) -> Any:
+    """For each pair of coordinates the number of lattice points in the bounding boxes of all faces."""
+    counts = np.zeros(3, np.int64)
+    span = np.empty(3, np.int64)
+    for f in range(len(faces)):
+        u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
+        for i in range(3):
+            x, y, z = floors[u, i], floors[v, i], floors[w, i]
+            span[i] = max(x, y, z) - min(x, y, z)
+        for pair in range(3):
+            i, j = PAIRS[pair]
+            counts[pair] += span[i] * span[j]
+    return counts
+
+
+def _find_crossings(
+    faces: Any,
+    values: Any,
+    floors: Any,
+    shift: int,
+    face: Any,
+    pair: Any,
+    a: Any,
+    b: Any,
+    floor: Any,
+    weights: Any,
+    level: Any,
+    offsets: Any,
+) -> int:
+    """Fill the arrays of `FaceCrossings`, in the order of face, pair, a, b; return the number of crossings."""
+    n = 0
+    for f in range(len(faces)):
+        offsets[f] = n
+        u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
+        for p in range(3):
+            i, j = PAIRS[p]
+            k = 2 - p
+            low, high = min(floors[u, i], floors[v, i], floors[w, i]), max(floors[u, i], floors[v, i], floors[w, i])
+            if low == high:
+                continue
+            left, right = min(floors[u, j], floors[v, j], floors[w, j]), max(floors[u, j], floors[v, j], floors[w, j])
+            for first in range(low + 1, high + 1):
+                x = first << shift
+                x0, x1, x2 = values[u, i] - x, values[v, i] - x, values[w, i] - x
+                for second in range(left + 1, right + 1):
+                    y = second << shift
+                    y0, y1, y2 = values[u, j] - y, values[v, j] - y, values[w, j] - y
+                    w0, side0 = orient(x1, y1, x2, y2)
+                    w1, side1 = orient(x2, y2, x0, y0)
+                    w2, side2 = orient(x0, y0, x1, y1)
+                    if side0 == 0 or side0 != side1 or side1 != side2:
+                        continue
+                    face[n], pair[n], a[n], b[n] = f, p, first, second
+                    area = w0 + w1 + w2
+                    weights[n, 0], weights[n, 1], weights[n, 2] = w0 / area, w1 / area, w2 / area
+                    floor[n], level[n] = third_coordinate(values[u], values[v], values[w], k, w1, w2, area, shift)
+                    n += 1
+    offsets[len(faces)] = n
+    return n
+
+
+def _place_crossings(vertices: Any, faces: Any, face: Any, weights: Any, points: Any) -> None:
+    """Points with the barycentric coordinates `weights` in the given faces."""
+    for n in range(len(face)):
+        u, v, w = faces[face[n], 0], faces[face[n], 1], faces[face[n], 2]
+        for d in range(3):
+            points[n, d] = (
+                weights[n, 0] * vertices[u, d] + weights[n, 1] * vertices[v, d] + weights[n, 2] * vertices[w, d]
+            )
+
+
+def _orient(x0: int, y0: int, x1: int, y1: int) -> tuple[int, int]:
+    """Return w = x0 y1 - x1 y0 and its sign, where a tie is decided by the shift of the origin by (e_i, e_j).
+
+    d w / d e_i = y0 - y1 and d w / d e_j = x1 - x0 decide; both vanish for an edge without length, and then the face
+    has no area and is not crossed.
+    """
+    w = x0 * y1 - x1 * y0
+    decisive = w
+    if decisive == 0:
+        decisive = y0 - y1
+    if decisive == 0:
+        decisive = x1 - x0
+    return w, (decisive > 0) - (decisive < 0)
+
+
+def _third_coordinate(p: Any, q: Any, r: Any, k: int, w1: int, w2: int, area: int, shift: int) -> tuple[int, float]:
+    """Floor (exact, ties by the shift) and value of coordinate k at the point with weights w / area between p, q, r."""
+    numerator = w1 * (q[k] - p[k]) + w2 * (r[k] - p[k])
+    if area < 0:
+        numerator, area = -numerator, -area
+    quotient = numerator // area
+    remainder = numerator - quotient * area
+    whole = p[k] + quotient
+    cell = 1 << shift
+    floor = whole >> shift
+    if remainder == 0 and whole & (cell - 1) == 0:
         # The plane of the face passes through the lattice point; the shift (e1, e2, e3) moves it along axis k by
         # -(e . N) / N_k with N the normal of the image of the face.
-        p, q, r = grid.values[corners[tie].T]
-        N = np.cross(q - p, r - p)
-        first = N[np.arange(len(tie)), (N != 0).argmax(1)]
-        floor[tie] -= np.sign(first) == np.sign(N[:, k])
-    return floor, (whole + remainder / np.abs(area)) / grid.cell
+        leading = 0
+        for d in range(3):
+            e, f = (d + 1) % 3, (d + 2) % 3
+            N = (q[e] - p[e]) * (r[f] - p[f]) - (q[f] - p[f]) * (r[e] - p[e])
+            if leading == 0:
+                leading = N
+            if d == k and (leading > 0) == (N > 0) and (leading < 0) == (N < 0):
+                floor -= 1
+    return floor, (whole + remainder / area) / cell
+
+
+orient = compiled(_orient, inline=True)
+third_coordinate = compiled(_third_coordinate)
+count_candidates = compiled(_count_candidates)
+place_crossings = compiled(_place_crossings)
+find_crossings = compiled(_find_crossings)
 
 
 def cross_edges(edges: Int[np.ndarray, "n_e 2"], grid: GridLevels) -> EdgeCrossings:
@@ -235,3 +315,20 @@ def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     return owner, np.arange(len(owner)) - (ends - counts)[owner]
+
+
+def lexicographic_order(rows: Int[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:
+    """Order that sorts integer rows by their first column, then their second, and so on.
+
+    The rows are packed in one 64-bit key where they fit, which sorts several times faster than `np.lexsort`.
+    """
+    if not len(rows):
+        return np.zeros(0, np.int64)
+    low = rows.min(0)
+    widths = rows.max(0) - low + 1
+    if np.prod(widths.astype(float)) < 2**62:
+        key = np.zeros(len(rows), np.int64)
+        for column, width in zip((rows - low).T, widths, strict=True):
+            key = key * width + column
+        return np.argsort(key, kind="stable")
+    return np.lexsort(rows.T[::-1])

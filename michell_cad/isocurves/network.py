@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze
-from michell_cad.curves import Curve
+from michell_cad.curves import Curves
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class CurveNetwork:
     members: Int[np.ndarray, "n_m 2"]
     path_points: Float[np.ndarray, "n_p 3"]
     path_offsets: Int[np.ndarray, " n_m1"]
-    curves: tuple[Curve, ...]
+    curves: Curves
 
     def __post_init__(self) -> None:
         freeze(self, nodes=np.float64, node_kinds=np.int64, node_levels=np.float64, members=np.int64)

@@ -18,23 +18,28 @@ gets one node.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from michell_cad.arrays import require
-from michell_cad.curves import FAMILIES, Curve, CurveKind, Isovalues, NodeKind
+from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
 from michell_cad.isocurves.features import FeatureSegments, trace_features
 from michell_cad.isocurves.interior import Segments, trace_interior
-from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, cross_edges, cross_faces, round_levels
+from michell_cad.isocurves.lattice import (
+    PAIRS,
+    EdgeCrossings,
+    FaceCrossings,
+    cross_edges,
+    cross_faces,
+    lexicographic_order,
+    place_crossings,
+    round_levels,
+)
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.isocurves.surface import SurfaceSegments, find_edges, trace_surface
 from michell_cad.isocurves.weave import WovenCurves, weave_curves
+from michell_cad.parametrization.cells import measure_cells
 from michell_cad.tet_mesh import TetMesh
-
-KINDS = (CurveKind.INTERIOR, CurveKind.BOUNDARY, CurveKind.FEATURE)
-
-NONE = np.iinfo(np.int64).max
-"""Stands for an isovalue that is None in arrays of labels."""
 
 
 @dataclass(frozen=True)
@@ -78,10 +83,8 @@ class _Strands:
     """Chain vertices and segments of all kinds of curves, numbered through."""
 
     segments: Segments
-    kinds: np.ndarray
-    """Of each segment: index into `KINDS`."""
-    isovalues: np.ndarray
-    """Of each segment, (m, 3), `NONE` for a coordinate that varies."""
+    first_segments: np.ndarray
+    """Numbers of the first segments of each kind, in the order of `KINDS`."""
     vertex_points: np.ndarray
     vertex_nodes: np.ndarray
 
@@ -134,7 +137,8 @@ def trace_isocurves(
     )
     grid = round_levels(levels, mesh.tets)
     crossings = cross_faces(mesh.faces, grid)
-    points = np.einsum("nk,nkd->nd", crossings.weights, mesh.vertices[mesh.faces[crossings.face]])
+    points = np.empty((len(crossings.face), 3))
+    place_crossings(mesh.vertices, mesh.faces, crossings.face, crossings.weights, points)
     interior, interior_nodes = trace_interior(mesh, crossings, points)
     edges = cross_edges(mesh.boundary_edges, grid)
     edge_points, edge_levels = _at_edges(mesh, levels, edges)
@@ -149,7 +153,7 @@ def trace_isocurves(
     features = trace_features(mesh, edges, np.flatnonzero(sharp), feature_nodes, options.corner_angle)
     nodes = _Nodes.join(
         (NodeKind.INTERIOR, interior_nodes.points, interior_nodes.values),
-        (NodeKind.BOUNDARY, points[outer], _crossing_levels(crossings)[outer]),
+        (NodeKind.BOUNDARY, points[outer], _crossing_levels(crossings, np.flatnonzero(outer))),
         (NodeKind.FEATURE, edge_points[on_sharp], edge_levels[on_sharp]),
         (NodeKind.CORNER, mesh.vertices[features.corners], levels[features.corners]),
     )
@@ -158,15 +162,15 @@ def trace_isocurves(
     parts = [interior, surface.segments, features.segments]
     strands = _Strands(
         _concatenate(parts, [len(points), len(surface.vertex_crossings)]),
-        np.repeat(range(3), [len(part.ends) for part in parts]),
-        _isovalues(crossings, interior, surface, len(features.segments.ends)),
+        np.cumsum([0] + [len(part.ends) for part in parts[:-1]]),
         np.concatenate([points, edge_points[surface.vertex_crossings], mesh.vertices[features.vertices]]),
         np.concatenate([boundary_nodes, feature_nodes[surface.vertex_crossings], corner_nodes]),
     )
     chains = order_chains(len(strands.vertex_points), strands.segments.ends)
-    axes = _axes(mesh, levels, surface, edge_points, strands, chains)
+    labels = _label_chains(crossings, surface, strands, chains)
+    axes = _axes(mesh, levels, surface, edge_points, strands, chains, labels)
     nodes, vertex_nodes = _node_every_feature(mesh, levels, features, strands, chains, nodes)
-    return _assemble(strands, chains, axes, nodes, vertex_nodes, families)
+    return _assemble(strands, chains, labels, axes, nodes, vertex_nodes, families)
 
 
 def _number(mask: np.ndarray, first: int) -> np.ndarray:
@@ -192,11 +196,11 @@ def _at_edges(mesh: TetMesh, levels: np.ndarray, edges: EdgeCrossings) -> tuple[
     return mesh.vertices[u] + fraction * (mesh.vertices[v] - mesh.vertices[u]), at
 
 
-def _crossing_levels(crossings: FaceCrossings) -> np.ndarray:
-    at = np.empty((len(crossings.face), 3))
-    for pair, (i, j) in enumerate(PAIRS):
-        mine = crossings.pair == pair
-        at[mine, i], at[mine, j], at[mine, 2 - pair] = crossings.a[mine], crossings.b[mine], crossings.level[mine]
+def _crossing_levels(crossings: FaceCrossings, some: np.ndarray) -> np.ndarray:
+    """Levels at the crossings with the given numbers."""
+    rows, (i, j) = np.arange(len(some)), np.array(PAIRS)[crossings.pair[some]].T
+    at = np.empty((len(some), 3))
+    at[rows, i], at[rows, j], at[rows, 3 - i - j] = crossings.a[some], crossings.b[some], crossings.level[some]
     return at
 
 
@@ -212,16 +216,24 @@ def _concatenate(parts: list[Segments], vertex_counts: list[int]) -> Segments:
     )
 
 
-def _isovalues(crossings: FaceCrossings, interior: Segments, surface: SurfaceSegments, n_features: int) -> np.ndarray:
-    """Isovalues of all segments, in the order interior, boundary, feature."""
-    inside = np.full((len(interior.ends), 3), NONE)
-    crossing = interior.ends[:, 0]
-    for pair, (i, j) in enumerate(PAIRS):
-        mine = crossings.pair[crossing] == pair
-        inside[mine, i], inside[mine, j] = crossings.a[crossing[mine]], crossings.b[crossing[mine]]
-    outside = np.full((len(surface.axis), 3), NONE)
-    outside[np.arange(len(surface.axis)), surface.axis] = surface.value
-    return np.concatenate([inside, outside, np.full((n_features, 3), NONE)])
+def _label_chains(
+    crossings: FaceCrossings, surface: SurfaceSegments, strands: _Strands, chains: Chains
+) -> Int[np.ndarray, "n_c 4"]:
+    """Kind (index into `KINDS`) and isovalues of every chain, from one of its segments."""
+    segment = np.zeros(len(chains.closed), np.int64)
+    walked = chains.next_edge >= 0
+    segment[chains.chain[walked]] = chains.next_edge[walked]
+    kinds = np.searchsorted(strands.first_segments, segment, side="right") - 1
+    labels = np.full((len(segment), 4), NO_ISOVALUE)
+    labels[:, 0] = kinds
+    inside = np.flatnonzero(kinds == KINDS.index(CurveKind.INTERIOR))
+    crossing = strands.segments.ends[segment[inside], 0]
+    i, j = np.array(PAIRS)[crossings.pair[crossing]].T
+    labels[inside, 1 + i], labels[inside, 1 + j] = crossings.a[crossing], crossings.b[crossing]
+    outside = np.flatnonzero(kinds == KINDS.index(CurveKind.BOUNDARY))
+    on_surface = segment[outside] - strands.first_segments[1]
+    labels[outside, 1 + surface.axis[on_surface]] = surface.value[on_surface]
+    return labels
 
 
 def _axes(
@@ -231,31 +243,21 @@ def _axes(
     edge_points: np.ndarray,
     strands: _Strands,
     chains: Chains,
+    labels: np.ndarray,
 ) -> np.ndarray:
     """Coordinate along which each chain runs, -1 for features."""
-    n_c = len(chains.closed)
-    walked = chains.next_edge >= 0
-    segment, chain = chains.next_edge[walked], chains.chain[walked]
-    a_segment = np.zeros(n_c, np.int64)
-    a_segment[chain] = segment
-    kinds, isovalues = strands.kinds[a_segment], strands.isovalues[a_segment]
+    kinds = labels[:, 0]
     # Lengths of the boundary segments times |b_k . t|, k the two coordinates that vary, summed along the chains.
     ends = edge_points[surface.vertex_crossings[surface.segments.ends]]
-    tets = mesh.face_tets[mesh.boundary_faces[surface.triangle], 0]
-    g = np.einsum("tak,tad->tkd", levels[mesh.tets[tets]], mesh.hat_gradients[tets])
-    score = np.zeros((len(tets), 3))
-    for k in range(3):
-        b = np.cross(g[:, (k + 1) % 3], g[:, (k + 2) % 3])
-        size = np.linalg.norm(b, axis=1)
-        b = np.divide(b, size[:, None], out=np.zeros_like(b), where=size[:, None] > 0)
-        score[:, k] = np.abs(np.einsum("td,td->t", b, ends[:, 1] - ends[:, 0]))
-    score[np.arange(len(tets)), surface.axis] = -1
-    on_surface = strands.kinds[segment] == 1
-    first = int(np.searchsorted(strands.kinds, 1))
-    total = np.zeros((n_c, 3))
-    np.add.at(total, chain[on_surface], score[segment[on_surface] - first])
-    along = np.where(kinds == 0, np.argmax(isovalues == NONE, axis=1), total.argmax(1))
-    return np.where(kinds == 2, -1, along)
+    _, _, directions = measure_cells(mesh.gradients(levels, mesh.face_tets[mesh.boundary_faces, 0]))
+    score = np.abs(np.einsum("sdk,sd->sk", directions[surface.triangle], ends[:, 1] - ends[:, 0]))
+    score[np.arange(len(score)), surface.axis] = -1
+    on_surface = np.flatnonzero(kinds[chains.chain] == KINDS.index(CurveKind.BOUNDARY))
+    on_surface = on_surface[chains.next_edge[on_surface] >= 0]
+    chain, segment = chains.chain[on_surface], chains.next_edge[on_surface] - strands.first_segments[1]
+    total = np.column_stack([np.bincount(chain, score[segment, k], len(kinds)) for k in range(3)])
+    along = np.where(kinds == KINDS.index(CurveKind.INTERIOR), np.argmax(labels[:, 1:] == NO_ISOVALUE, axis=1), -1)
+    return np.where(kinds == KINDS.index(CurveKind.BOUNDARY), total.argmax(1), along)
 
 
 def _node_every_feature(
@@ -287,20 +289,18 @@ def _node_every_feature(
 def _assemble(
     strands: _Strands,
     chains: Chains,
+    labels: np.ndarray,
     axes: np.ndarray,
     nodes: _Nodes,
     vertex_nodes: np.ndarray,
     families: tuple[str, str, str],
 ) -> CurveNetwork:
     """Sort the nodes (by kind, levels, position), weave the curves, and label them."""
-    order = np.lexsort((*nodes.points.T[::-1], *nodes.levels.T[::-1], nodes.kinds))
+    order = _order_nodes(nodes)
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     segments = Segments(strands.segments.ends, strands.segments.node_offsets, rank[strands.segments.nodes])
     numbered = np.where(vertex_nodes >= 0, rank[vertex_nodes], -1) if len(rank) else vertex_nodes
-    a_segment = np.zeros(len(chains.closed), np.int64)
-    a_segment[chains.chain[chains.next_edge >= 0]] = chains.next_edge[chains.next_edge >= 0]
-    labels = np.column_stack([strands.kinds[a_segment], strands.isovalues[a_segment]])
     woven = weave_curves(chains, segments, numbered, strands.vertex_points, labels, axes, nodes.levels[order])
     return CurveNetwork(
         nodes.points[order],
@@ -313,32 +313,39 @@ def _assemble(
     )
 
 
-def _isovalues_of(*values: int) -> Isovalues:
-    a, b, c = (None if value == NONE else value for value in values)
-    return a, b, c
+def _order_nodes(nodes: _Nodes) -> Int[np.ndarray, " n"]:
+    """Order of the nodes by kind, levels, position. The levels of interior nodes are integers, which sort faster."""
+    inside = np.flatnonzero(nodes.kinds == NodeKind.INTERIOR)
+    outside = np.flatnonzero(nodes.kinds != NodeKind.INTERIOR)
+    values = nodes.levels[inside].astype(np.int64)
+    order = lexicographic_order(values)
+    same = np.flatnonzero((values[order[1:]] == values[order[:-1]]).all(1))
+    tied = np.union1d(same, same + 1)
+    order[tied] = order[tied][_lexsort(nodes, inside[order[tied]])]
+    return np.concatenate([inside[order], outside[_lexsort(nodes, outside)]])
 
 
-def _label(
-    woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]
-) -> tuple[Curve, ...]:
+def _lexsort(nodes: _Nodes, some: np.ndarray) -> np.ndarray:
+    return np.lexsort((*nodes.points[some].T[::-1], *nodes.levels[some].T[::-1], nodes.kinds[some]))
+
+
+def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]) -> Curves:
     """Curves with their labels; those with equal kind and isovalues are numbered in the order in which they come."""
-    curves = []
-    component, last = 0, None
-    numbers = np.arange(len(woven.members))
-    for c, (kind, *isovalues) in enumerate(labels.tolist()):
-        component, last = (component + 1 if last == (kind, isovalues) else 0), (kind, isovalues)
-        n0, n1 = woven.node_offsets[c : c + 2]
-        m0, m1 = woven.member_offsets[c : c + 2]
-        curves.append(
-            Curve(
-                KINDS[kind],
-                families[axes[c]] if axes[c] >= 0 else "feature",
-                int(axes[c]),
-                _isovalues_of(*isovalues),
-                component,
-                woven.nodes[n0:n1],
-                numbers[m0:m1],
-                bool(woven.closed[c]),
-            )
-        )
-    return tuple(curves)
+    n = len(labels)
+    new = np.ones(n, bool)
+    new[1:] = (labels[1:] != labels[:-1]).any(1)
+    first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
+    # Axis -1, the last entry, stands for a feature.
+    family_of_axis = np.array([FAMILIES.index(name) for name in (*families, "feature")])
+    return Curves(
+        labels[:, 0],
+        family_of_axis[axes],
+        axes,
+        labels[:, 1:],
+        np.arange(n) - first,
+        woven.closed,
+        woven.nodes,
+        woven.node_offsets,
+        np.arange(len(woven.members)),
+        woven.member_offsets,
+    )

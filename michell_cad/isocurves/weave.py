@@ -6,13 +6,14 @@ paths.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from michell_cad.compiled import compiled
 from michell_cad.isocurves.chains import Chains
 from michell_cad.isocurves.interior import Segments
-from michell_cad.isocurves.lattice import expand
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,108 +63,173 @@ def weave_curves(
     labels, axes : of each chain.
     levels : of each node.
     """
-    items, nodes, offsets = _items(chains, segments, vertex_nodes)
-    start, reverse, ends = _orient(nodes, offsets, chains.closed, axes, levels)
+    n_c = len(chains.closed)
+    size = len(chains.order) + len(segments.nodes)
+    items, nodes, offsets = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(n_c + 1, np.int64)
+    parts = (segments.ends, segments.node_offsets, segments.nodes)
+    lay_out(chains.order, chains.offsets, chains.next_edge, *parts, vertex_nodes, items, nodes, offsets)
+    start, reverse, counts = np.zeros(n_c, np.int64), np.zeros(n_c, bool), np.empty(n_c, np.int64)
+    ends = np.full((n_c, 3), -1)
+    orient_chains(nodes, offsets, chains.closed, axes, levels, start, reverse, counts, ends)
     # The neighbours of a node are the same on both sides of a closed curve with one or two nodes.
-    for c in np.flatnonzero(chains.closed & (ends[:, 0] >= 0) & (ends[:, 1] == ends[:, 2])):
+    for c in np.flatnonzero(chains.closed & (counts > 0) & (ends[:, 1] == ends[:, 2])):
         ring = np.roll(items[offsets[c] : offsets[c + 1]], offsets[c] - start[c])[1:]
         passed = vertex_points[ring[ring >= 0]]
         reverse[c] = tuple(passed[-1]) < tuple(passed[0])
-    used = np.flatnonzero(ends[:, 0] >= 0)
-    keys = (labels[used], ends[used], _places(chains, vertex_points)[used])
-    used = used[np.lexsort(np.concatenate([key.T[::-1] for key in reversed(keys)]))]
-    # Walk every used chain from its first node on, in its direction.
-    lengths = np.diff(offsets)[used]
-    curve, local = expand(lengths)
-    walk = start[used] - offsets[used]
-    turned = (walk[curve] + np.where(reverse[used], -1, 1)[curve] * local) % lengths[curve]
-    items, nodes = (array[offsets[used][curve] + turned] for array in (items, nodes))
-    return _join(items, nodes, curve, used, chains.closed[used])
+    used = np.flatnonzero(counts)
+    used = used[_order_curves(chains, used, np.column_stack([labels[used], ends[used]]), vertex_points)]
+    closed, counts = chains.closed[used], counts[used]
+    n_m, n_n = int((counts - ~closed).sum()), int(counts.sum())
+    sequence, members = np.empty(n_n, np.int64), np.empty((n_m, 2), np.int64)
+    path, path_offsets = np.empty(size - n_n, np.int64), np.zeros(n_m + 1, np.int64)
+    walk_curves(items, nodes, offsets, used, start, reverse, closed, sequence, members, path, path_offsets)
+    node_offsets = np.concatenate([[0], np.cumsum(counts)])
+    member_offsets = np.concatenate([[0], np.cumsum(counts - ~closed)])
+    path = path[: path_offsets[-1]]
+    return WovenCurves(used, closed, sequence, node_offsets, members, member_offsets, path, path_offsets)
 
 
-def _items(chains: Chains, segments: Segments, vertex_nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All points of all chains in order: the chain vertex (or -1), the node (or -1), and the offsets of the chains."""
-    sizes = np.diff(segments.node_offsets)
-    counts = np.where(chains.next_edge >= 0, sizes[chains.next_edge], 0) if len(sizes) else np.zeros_like(chains.order)
-    first = np.cumsum(counts + 1) - (counts + 1)
-    total = len(counts) + int(counts.sum())
-    items, nodes = np.full(total, -1), np.full(total, -1)
-    items[first] = chains.order
-    nodes[first] = vertex_nodes[chains.order]
-    place, local = expand(counts)
-    edge = chains.next_edge[place]
-    forward = segments.ends[edge, 0] == chains.order[place]
-    position = np.where(forward, local, sizes[edge] - 1 - local)
-    nodes[first[place] + 1 + local] = segments.nodes[segments.node_offsets[edge] + position]
-    return items, nodes, np.append(first, total)[chains.offsets]
+def _order_curves(
+    chains: Chains, used: Int[np.ndarray, " u"], keys: Int[np.ndarray, "u k"], vertex_points: Float[np.ndarray, "n 3"]
+) -> Int[np.ndarray, " u"]:
+    """Order of chains by their keys, and where these are equal by the mean of their vertices.
 
-
-def _orient(
-    nodes: np.ndarray, offsets: np.ndarray, closed: np.ndarray, axes: np.ndarray, levels: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First item and reversal of every chain, and its first, second and last node in that direction (-1: no node).
-
-    The last node of a closed chain is the one before its first.
+    The mean is relative to the size of the part and rounded beyond the noise.
     """
-    n_c = len(closed)
-    chain = np.repeat(np.arange(n_c), np.diff(offsets))
-    place = np.flatnonzero(nodes >= 0)
-    chain_of_node = chain[place]
-    counts = np.bincount(chain_of_node, minlength=n_c)
-    first = np.cumsum(counts) - counts
-    some = np.flatnonzero(counts)
-    # Position of the lowest node among the nodes of each chain.
-    lowest = np.zeros(n_c, np.int64)
-    by_node = np.lexsort((nodes[place], chain_of_node))
-    lowest[some] = by_node[first[some]] - first[some]
-
-    def node(position: np.ndarray) -> np.ndarray:
-        """The node at a (cyclic) position along each chain that has nodes."""
-        return nodes[place[first[some] + position % counts[some]]]
-
-    is_closed = closed[some]
-    low = lowest[some]
-    head = np.where(is_closed, low, 0)
-    after = np.where(is_closed, node(low + 1), node(np.zeros_like(low) + 1))
-    before = np.where(is_closed, node(low - 1), node(np.zeros_like(low) - 2))
-    begin, end = node(head), np.where(is_closed, before, node(np.zeros_like(low) - 1))
-    along = np.where(axes[some] >= 0, levels[end, axes[some]] - levels[begin, axes[some]], 0.0)
-    by_ends = np.where(along != 0, along < 0, end < begin)
-    backward = np.where(is_closed | (begin == end), before < after, by_ends)
-    start, reverse, ends = np.zeros(n_c, np.int64), np.zeros(n_c, bool), np.full((n_c, 3), -1)
-    start[some] = place[first[some] + np.where(is_closed, low, np.where(backward, counts[some] - 1, 0))]
-    reverse[some] = backward
-    forward_ends = np.stack([begin, after, end], axis=1)
-    backward_ends = np.stack([np.where(is_closed, begin, end), before, np.where(is_closed, after, begin)], axis=1)
-    ends[some] = np.where(backward[:, None], backward_ends, forward_ends)
-    return start, reverse, ends
+    order = np.lexsort(keys.T[::-1])
+    same = (keys[order[1:]] == keys[order[:-1]]).all(1)
+    tied = np.union1d(order[1:][same], order[:-1][same])
+    if not len(tied):
+        return order
+    size = max(np.ptp(vertex_points, axis=0).max(), np.finfo(float).tiny)
+    places = np.zeros((len(used), 3))
+    for c in tied:
+        vertices = chains.order[chains.offsets[used[c]] : chains.offsets[used[c] + 1]]
+        places[c] = np.round(vertex_points[vertices].mean(0) / size, 9)
+    return np.lexsort((*places.T[::-1], *keys.T[::-1]))
 
 
-def _places(chains: Chains, vertex_points: np.ndarray) -> np.ndarray:
-    """Mean of the vertices of each chain, relative to the size of the part and rounded beyond the noise."""
-    size = np.ptp(vertex_points, axis=0).max() if len(vertex_points) else 1.0
-    places = np.zeros((len(chains.closed), 3))
-    np.add.at(places, chains.chain, vertex_points[chains.order])
-    return np.round(places / np.diff(chains.offsets)[:, None] / max(size, np.finfo(float).tiny), 9)
+def _lay_out(
+    order: Any,
+    chain_offsets: Any,
+    next_edge: Any,
+    segment_ends: Any,
+    node_offsets: Any,
+    segment_nodes: Any,
+    vertex_nodes: Any,
+    items: Any,
+    nodes: Any,
+    offsets: Any,
+) -> None:
+    """All points of all chains in order: the chain vertex (or -1), the node (or -1), and the offsets of the chains."""
+    at = 0
+    for c in range(len(chain_offsets) - 1):
+        offsets[c] = at
+        for place in range(chain_offsets[c], chain_offsets[c + 1]):
+            vertex, edge = order[place], next_edge[place]
+            items[at], nodes[at] = vertex, vertex_nodes[vertex]
+            at += 1
+            if edge < 0:
+                continue
+            low, high = node_offsets[edge], node_offsets[edge + 1]
+            forward = segment_ends[edge, 0] == vertex
+            for local in range(high - low):
+                items[at] = -1
+                nodes[at] = segment_nodes[low + local if forward else high - 1 - local]
+                at += 1
+    offsets[len(chain_offsets) - 1] = at
 
 
-def _join(
-    items: np.ndarray, nodes: np.ndarray, curve: np.ndarray, chain: np.ndarray, closed: np.ndarray
-) -> WovenCurves:
-    """Members between the nodes of curves that all begin (and, if open, end) with a node."""
-    n_c = len(chain)
-    place = np.flatnonzero(nodes >= 0)
-    node_counts = np.bincount(curve[place], minlength=n_c)
-    node_offsets = np.concatenate([[0], np.cumsum(node_counts)])
-    sequence = nodes[place]
-    following = np.arange(1, len(sequence) + 1)
-    following[node_offsets[1:] - 1] = node_offsets[:-1]
-    begins = np.ones(len(sequence), bool)
-    begins[node_offsets[1:][~closed] - 1] = False
-    members = np.stack([sequence, sequence[following % max(len(sequence), 1)]], axis=1)[begins]
-    member_offsets = np.concatenate([[0], np.cumsum(node_counts - ~closed)])
-    member_of_node = np.cumsum(begins) - 1
-    inner = np.flatnonzero(nodes < 0)
-    member = member_of_node[np.searchsorted(place, inner) - 1]
-    path_offsets = np.concatenate([[0], np.cumsum(np.bincount(member, minlength=len(members)))])
-    return WovenCurves(chain, closed, sequence, node_offsets, members, member_offsets, items[inner], path_offsets)
+def _orient_chains(
+    nodes: Any,
+    offsets: Any,
+    closed: Any,
+    axes: Any,
+    levels: Any,
+    start: Any,
+    reverse: Any,
+    counts: Any,
+    ends: Any,
+) -> None:
+    """First point and reversal of every chain, its number of nodes, and its first, second and last in that direction.
+
+    The last node of a closed chain is the one before its first. Chains without nodes are left as they are.
+    """
+    places = np.empty(len(nodes), np.int64)  # of the nodes of one chain
+    for c in range(len(closed)):
+        n, lowest = 0, 0
+        for place in range(offsets[c], offsets[c + 1]):
+            if nodes[place] >= 0:
+                places[n] = place
+                if nodes[place] < nodes[places[lowest]]:
+                    lowest = n
+                n += 1
+        counts[c] = n
+        if n == 0:
+            continue
+        first = lowest if closed[c] else 0
+        begin, after = nodes[places[first]], nodes[places[(first + 1) % n]]
+        end = nodes[places[(first - 1) % n]]
+        before = end if closed[c] else nodes[places[(n - 2) % n]]
+        if closed[c] or begin == end:
+            reverse[c] = before < after
+        else:
+            rise = levels[end, axes[c]] - levels[begin, axes[c]] if axes[c] >= 0 else 0.0
+            reverse[c] = rise < 0 if rise != 0 else end < begin
+        if not reverse[c]:
+            start[c] = places[first]
+            ends[c, 0], ends[c, 1], ends[c, 2] = begin, after, end
+        elif closed[c]:
+            start[c] = places[first]
+            ends[c, 0], ends[c, 1], ends[c, 2] = begin, before, after
+        else:
+            start[c] = places[n - 1]
+            ends[c, 0], ends[c, 1], ends[c, 2] = end, before, begin
+
+
+def _walk_curves(
+    items: Any,
+    nodes: Any,
+    offsets: Any,
+    used: Any,
+    start: Any,
+    reverse: Any,
+    closed: Any,
+    sequence: Any,
+    members: Any,
+    path: Any,
+    path_offsets: Any,
+) -> None:
+    """Walk each used chain from its first node on, in its direction; fill the arrays of `WovenCurves`.
+
+    Every curve begins, and if it is open ends, with a node.
+    """
+    n, m, at = 0, 0, 0
+    for number in range(len(used)):
+        c = used[number]
+        size = offsets[c + 1] - offsets[c]
+        place, first = start[c], n
+        for _ in range(size):
+            if nodes[place] < 0:
+                path[at] = items[place]
+                at += 1
+            else:
+                sequence[n] = nodes[place]
+                if n > first:
+                    members[m, 0], members[m, 1] = sequence[n - 1], sequence[n]
+                    m += 1
+                    path_offsets[m] = at
+                n += 1
+            if reverse[c]:
+                place = place - 1 if place > offsets[c] else offsets[c + 1] - 1
+            else:
+                place = place + 1 if place + 1 < offsets[c + 1] else offsets[c]
+        if closed[number]:
+            members[m, 0], members[m, 1] = sequence[n - 1], sequence[first]
+            m += 1
+            path_offsets[m] = at
+
+
+lay_out = compiled(_lay_out)
+orient_chains = compiled(_orient_chains)
+walk_curves = compiled(_walk_curves)

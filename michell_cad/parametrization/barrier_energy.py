@@ -74,4 +74,4 @@ def _add_tets(
     return energy, least
 
 
-add_tets = compiled(_add_tets)
+add_tets = compiled(_add_tets, reorder=True)

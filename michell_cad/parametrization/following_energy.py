@@ -108,4 +108,4 @@ def _add_tets(
     return energy
 
 
-add_tets = compiled(_add_tets)
+add_tets = compiled(_add_tets, reorder=True)

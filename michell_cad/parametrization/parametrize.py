@@ -13,6 +13,7 @@ from michell_cad.constant_frames import constant_frames
 from michell_cad.elasticity import StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, matching_metric
+from michell_cad.parametrization.cells import measure_cells
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import barrier_energy, remove_folds
 from michell_cad.parametrization.phase import choose_phases, hug_faces
@@ -76,25 +77,23 @@ class Parametrization:
         return self.mesh.gradients(self.phi)
 
     @cached_property
+    def _cells(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return measure_cells(self.jacobians)
+
+    @property
     def determinants(self) -> Float[np.ndarray, " n_t"]:
         """det J per tet."""
-        return np.linalg.det(self.jacobians)
+        return self._cells[0]
 
-    @cached_property
+    @property
     def cell_edges(self) -> Float[np.ndarray, "n_t 3"]:
         """Edges h_i = |b_i| of the cell of unit isovalues in each tet, b_i the columns of J^-1; inf where det J = 0."""
-        J = self.jacobians
-        cofactors = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])  # row i: g_j x g_k = det J b_i
-        with np.errstate(divide="ignore"):
-            return np.linalg.norm(cofactors, axis=2) / np.abs(self.determinants)[:, None]
+        return self._cells[1]
 
-    @cached_property
+    @property
     def tangents(self) -> Float[np.ndarray, "n_t 3 3"]:
         """Directions of the curves: columns b_i of J^-1, normalised; column i runs along coordinate i."""
-        J = self.jacobians
-        cofactors = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]]) * np.sign(self.determinants)[:, None, None]
-        length = np.linalg.norm(cofactors, axis=2, keepdims=True)
-        return (cofactors / np.maximum(length, np.finfo(float).tiny)).transpose(0, 2, 1)
+        return self._cells[2]
 
     def levels(
         self,

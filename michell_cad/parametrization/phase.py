@@ -76,7 +76,7 @@ def _grazed_faces(mesh: TetMesh, levels: np.ndarray) -> tuple[np.ndarray, np.nda
     """Of each boundary triangle: weights (n_b, 3), levels at the middles of its edges (n_b, 3 middles, 3), and the
     cosines (n_b, 3) between the outward normal and the gradients.
     """
-    gradients = mesh.gradients(levels)[mesh.face_tets[mesh.boundary_faces, 0]]
+    gradients = mesh.gradients(levels, mesh.face_tets[mesh.boundary_faces, 0])
     area = np.linalg.norm(mesh.boundary_area_vectors, axis=1)[:, None]
     length = np.linalg.norm(gradients, axis=2) * area
     cosine = np.einsum("bid,bd->bi", gradients, mesh.boundary_area_vectors) / np.maximum(length, np.finfo(float).tiny)

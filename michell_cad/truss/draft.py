@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from michell_cad.curves import Curve, CurveKind, NodeKind
+from michell_cad.curves import Curve, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.values import Truss
 
@@ -270,7 +270,7 @@ def split_lenses(draft: Draft) -> tuple[Draft, int]:
     return extended.inserted(np.array(at)[where], np.array(through)[where]), len(points)
 
 
-def finish(draft: Draft, curves: tuple[Curve, ...], spacing: float) -> Truss:
+def finish(draft: Draft, curves: Curves | tuple[Curve, ...], spacing: float) -> Truss:
     """The truss of a draft: nodes in use, members with waypoints where they bow, and the curves that are left."""
     pairs, entries, member = draft.pairs()
     used, renumbered = np.unique(draft.sequence, return_inverse=True)

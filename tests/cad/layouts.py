@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from michell_cad.curves import Curve, CurveKind, NodeKind
+from michell_cad.curves import Curve, CurveKind, Curves, NodeKind
 from michell_cad.isocurves import CurveNetwork
 from michell_cad.truss import SizedTruss, Truss, build_truss
 
@@ -116,5 +116,11 @@ def reference_network(name: str, spacing: float = 10.0) -> CurveNetwork:
     kinds = np.where(on_boundary, NodeKind.BOUNDARY, NodeKind.INTERIOR)
     n_m = len(covered)
     return CurveNetwork(
-        nodes, kinds, np.zeros_like(nodes), members[covered], np.zeros((0, 3)), np.zeros(n_m + 1, int), curves
+        nodes,
+        kinds,
+        np.zeros_like(nodes),
+        members[covered],
+        np.zeros((0, 3)),
+        np.zeros(n_m + 1, int),
+        Curves.of(curves),
     )
