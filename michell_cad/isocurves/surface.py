@@ -7,12 +7,15 @@ nodes of a segment are ranked without comparing distances.
 """
 
 from dataclasses import dataclass
+from inspect import unwrap
+from typing import Any
 
+import numba
 import numpy as np
 from jaxtyping import Bool, Int
 
 from michell_cad.isocurves.interior import Segments
-from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, GridLevels, expand
+from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, GridLevels
 from michell_cad.tet_mesh import TetMesh
 
 _EDGES = np.array([[0, 1], [0, 2], [1, 2]])
@@ -57,18 +60,12 @@ def trace_surface(
     floors = grid.floors[corners]
     low = floors.min(1)
     counts = floors.max(1) - low
-    owner, local = expand(counts.ravel())
-    triangle, axis = owner // 3, owner % 3
-    value = low.ravel()[owner] + 1 + local
+    n = int(counts.sum())
     first_segment = (np.cumsum(counts.ravel()) - counts.ravel()).reshape(-1, 3)
-    # The two edges whose ends lie on different sides of the plane, and the numbers of the crossings there.
-    above = np.take_along_axis(floors[triangle], axis[:, None, None], axis=2)[:, :, 0] >= value[:, None]
-    crossed = above[:, _EDGES[:, 0]] != above[:, _EDGES[:, 1]]
-    two = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
-    pairs = corners[triangle[:, None, None], _EDGES[two]]
-    edge = find_edges(mesh, pairs)
-    lowest = grid.floors[pairs, axis[:, None, None]].min(2)
-    ends = edges.first[edge, axis[:, None]] + value[:, None] - 1 - lowest
+    triangle, axis, value = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    edge, ends = np.empty((n, 2), np.int64), np.empty((n, 2), np.int64)
+    triangle_edges = find_edges(mesh, corners[:, _EDGES])
+    cut_triangles(floors, triangle_edges, edges.first, triangle, axis, value, edge, ends)
     offsets, nodes = _place_nodes(mesh, faces, edges, boundary_nodes, ends, axis, value, first_segment, low)
     # Chain vertices: crossings with smooth edges, and then every end at a sharp edge.
     smooth, vertex = np.unique(ends[~sharp[edge]], return_inverse=True)
@@ -109,6 +106,34 @@ def _place_nodes(
             nodes[offsets[segment] + rank] = boundary_nodes[crossing]
     assert (nodes >= 0).all(), "a surface curve misses the end of an interior curve"
     return offsets, nodes
+
+
+def _cut_triangles(
+    floors: Any, triangle_edges: Any, first: Any, triangle: Any, axis: Any, value: Any, edge: Any, ends: Any
+) -> None:
+    """Fill, for all segments by triangle, axis and value, these three and the two crossed edges and crossings there.
+
+    An edge is crossed when its ends lie on different sides of the plane. Its crossings with a coordinate have
+    consecutive numbers from `first` on.
+    """
+    n = 0
+    for t in range(len(floors)):
+        for k in range(3):
+            x, y, z = floors[t, 0, k], floors[t, 1, k], floors[t, 2, k]
+            for v in range(min(x, y, z) + 1, max(x, y, z) + 1):
+                triangle[n], axis[n], value[n] = t, k, v
+                side = 0
+                for e in range(3):
+                    u, w = floors[t, _EDGES[e, 0], k], floors[t, _EDGES[e, 1], k]
+                    if (u >= v) != (w >= v):
+                        edge[n, side] = triangle_edges[t, e]
+                        ends[n, side] = first[triangle_edges[t, e], k] + v - 1 - min(u, w)
+                        side += 1
+                n += 1
+
+
+# The plain function: a checker of types that wraps every function of the package cannot be compiled.
+cut_triangles = numba.njit(cache=True, error_model="numpy")(unwrap(_cut_triangles))
 
 
 def find_edges(mesh: TetMesh, pairs: Int[np.ndarray, "... 2"]) -> Int[np.ndarray, "..."]:
