@@ -7,13 +7,12 @@ nodes of a segment are ranked without comparing distances.
 """
 
 from dataclasses import dataclass
-from inspect import unwrap
 from typing import Any
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Int
 
+from michell_cad.compiled import compiled
 from michell_cad.isocurves.interior import Segments
 from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, GridLevels
 from michell_cad.tet_mesh import TetMesh
@@ -132,8 +131,7 @@ def _cut_triangles(
                 n += 1
 
 
-# The plain function: a checker of types that wraps every function of the package cannot be compiled.
-cut_triangles = numba.njit(cache=True, error_model="numpy")(unwrap(_cut_triangles))
+cut_triangles = compiled(_cut_triangles)
 
 
 def find_edges(mesh: TetMesh, pairs: Int[np.ndarray, "... 2"]) -> Int[np.ndarray, "..."]:

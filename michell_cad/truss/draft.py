@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from michell_cad.curves import Curve, CurveKind, Curves, NodeKind
+from michell_cad.curves import KINDS, Curve, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.values import Truss
 
@@ -19,6 +19,8 @@ RANKS = {
     CurveKind.FEATURE: NodeKind.FEATURE,
 }
 """The lowest kind of node through which a curve may run."""
+
+_RANK_OF_KIND = np.array([RANKS[kind] for kind in KINDS])
 
 
 BOWED = 0.15
@@ -185,15 +187,13 @@ def draft_network(network: CurveNetwork, lens: float) -> tuple[Draft, int]:
     A member from a node to itself longer than 3 `lens` gets two nodes, at its thirds; a shorter one vanishes.
     """
     curves = network.curves
-    closed = np.array([curve.closed for curve in curves], bool)
-    ranks = np.array([RANKS[curve.kind] for curve in curves], np.int64)
-    sizes = np.array([len(curve.nodes) for curve in curves], np.int64)
+    closed, sequence, sizes = curves.closed, curves.nodes, np.diff(curves.node_offsets)
+    ranks = _RANK_OF_KIND[curves.kinds]
     curve = np.repeat(np.arange(len(curves)), sizes)
-    sequence = np.concatenate([np.zeros(0, np.int64), *(curve.nodes for curve in curves)])
     member = np.full(len(sequence), -1)
     last = np.zeros(len(sequence), bool)
     last[np.cumsum(sizes) - 1] = ~closed
-    member[~last] = np.concatenate([np.zeros(0, np.int64), *(curve.members for curve in curves)])
+    member[~last] = curves.members
     _, middle = walk_paths(network, 0.5)
     weights = np.ones(len(network.nodes), np.int64)
     draft = Draft(network.nodes, network.node_kinds, weights, sequence, curve, middle[member], closed, ranks, lens)
