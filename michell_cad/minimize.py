@@ -14,6 +14,9 @@ SUFFICIENT_DECREASE = 1e-4
 """Armijo's constant (Nocedal and Wright, Eq. 3.4)."""
 ROUNDING = 1e-13
 """A direction that promises less (relative to the value) than rounding makes is none."""
+WIDEN = 4.0
+"""A search begins at most this many times as far as the last one ended: where the feasible region is narrow, whole
+steps would be halved ten times over, again and again."""
 SMALLEST_STEP = 1e-12
 """A line search that has shrunk its step to this gives up (relative to the step of the quasi-Newton model)."""
 
@@ -62,7 +65,7 @@ def minimize(
     value, gradient = function(x)
     evaluations = 1
     pairs: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=memory)
-    scale, idle = 1.0, 0
+    scale, idle, step = 1.0, 0, 1.0
     for iteration in range(iterations):
         direction = _two_loop(gradient, pairs, scale, precondition)
         slope = float(np.vdot(direction, gradient))
@@ -71,7 +74,7 @@ def minimize(
                 return x, MinimizeReport(value, iteration, evaluations, True, "the gradient vanishes")
             pairs.clear()
             continue
-        step = 1.0
+        step = min(1.0, WIDEN * step)
         while True:
             x_new = x + step * direction
             value_new, gradient_new = function(x_new)

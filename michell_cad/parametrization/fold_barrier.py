@@ -31,6 +31,8 @@ _REGULARISATION = 0.2
 """eps over the worst |d|, and its floor over dh."""
 _STIFFEN = 4.0
 """Factor on mu in a round that could not lower eps any more."""
+_TOLERANCE = 1e-5
+"""Relative decrease at which the last minimisation has converged; those with a stiffer barrier need as much less."""
 _INTERIOR_WEIGHTS, _INTERIOR_ITERATIONS = (100.0, 10.0, 1.0), 100
 
 
@@ -52,15 +54,43 @@ def remove_folds(
     """
     energy = _BarrierEnergy(mesh, frames, spacing_weight, linear)
     phi = _untangle(energy, linear)
+    if energy.feasible(phi):
+        energy.eps, energy.stiffness = 0.0, 1.0
+        phi, _ = minimize(energy, phi, linear.precondition, iterations=_FINAL_ITERATIONS, tolerance=_TOLERANCE)
+        if count_double_wound_edges(mesh, phi) == 0:
+            return phi
     progress(0.5)
-    if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0:
-        return phi
     phi = energy.scale ** (1 / 3) * (mesh.vertices - mesh.vertices.mean(0)) @ _nearest_rotation(mesh, linear.phi).T
     for factor in _INTERIOR_WEIGHTS:
         energy.stiffness, energy.eps = factor, 0.0
-        phi, _ = minimize(energy, phi, linear.precondition, iterations=_INTERIOR_ITERATIONS)
-    if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0:
-        return phi
+        phi, _ = minimize(
+            energy, phi, linear.precondition, iterations=_INTERIOR_ITERATIONS, tolerance=_TOLERANCE * factor
+        )
+    require_injective(mesh, phi)
+    return phi
+
+
+def untangled_start(
+    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float, linear: LeastSquaresMap
+) -> Float[np.ndarray, "n_v 3"] | None:
+    """An injective map near the solution of Eq. 11, good enough to start from; None if there is none close by."""
+    energy = _BarrierEnergy(mesh, frames, spacing_weight, linear)
+    phi = _untangle(energy, linear)
+    return phi if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0 else None
+
+
+def require_injective(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> None:
+    """Refuse a map with inverted tets or doubly wound edges.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is because the tets of the mesh itself overlap.
+    ConvergenceError
+        Otherwise.
+    """
+    if np.linalg.det(mesh.gradients(phi)).min() > 0 and count_double_wound_edges(mesh, phi) == 0:
+        return
     overlaps = count_double_wound_edges(mesh, mesh.vertices)
     if overlaps:
         raise InvalidInputError(
@@ -127,6 +157,7 @@ class _BarrierEnergy:
 
 
 def _untangle(energy: _BarrierEnergy, linear: LeastSquaresMap) -> np.ndarray:
+    """From the solution of Eq. 11 to positive determinants, if the rounds suffice."""
     phi = linear.phi
     energy(phi)
     floor = _REGULARISATION * energy.dh
@@ -141,10 +172,6 @@ def _untangle(energy: _BarrierEnergy, linear: LeastSquaresMap) -> np.ndarray:
             energy, phi, linear.precondition, iterations=_ROUND_ITERATIONS, stop=lambda value: energy.least > 0
         )
         energy(phi)
-    if energy.least <= 0:
-        return phi
-    energy.eps, energy.stiffness = 0.0, 1.0
-    phi, _ = minimize(energy, phi, linear.precondition, iterations=_FINAL_ITERATIONS, tolerance=1e-5)
     return phi
 
 

@@ -15,7 +15,12 @@ from michell_cad.errors import InvalidInputError
 from michell_cad.frame_field import FrameField, matching_metric
 from michell_cad.parametrization.cells import measure_cells
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
-from michell_cad.parametrization.fold_barrier import barrier_energy, remove_folds
+from michell_cad.parametrization.fold_barrier import (
+    barrier_energy,
+    remove_folds,
+    require_injective,
+    untangled_start,
+)
 from michell_cad.parametrization.phase import choose_phases, hug_faces
 from michell_cad.parametrization.spacing_bounds import SpacingBounds, bound_spacing
 from michell_cad.parametrization.stress_following import follow_stress, following_energy
@@ -147,26 +152,21 @@ def parametrize(
     """
     options = options or ParametrizationOptions()
     linear = integrate_frames(mesh, frame_field.frames, options.spacing_weight)
-    share = 0.2 if options.follow_stress else 1.0
-    phi = remove_folds(mesh, frame_field.frames, options.spacing_weight, linear, lambda f: progress(share * f))
-    progress(share)
+    frames, beta = frame_field.frames, options.spacing_weight
     if options.follow_stress:
         metric, _ = matching_metric(stress_field.stress)
-        grids = [*constant_frames(mesh, metric, 1), part_axes(mesh)]
-        starts = [phi, *(mesh.vertices @ R for R in grids)]
-        phi, _ = follow_stress(
-            mesh,
-            stress_field.stress,
-            options.spacing_weight,
-            starts,
-            linear.factors[0].ordering,
-            lambda f: progress(share + (1 - share) * f),
-        )
+        grids = [mesh.vertices @ R for R in (*constant_frames(mesh, metric, 1), part_axes(mesh))]
+        start = untangled_start(mesh, frames, beta, linear)
+        starts = grids if start is None else [start, *grids]
+        phi, _ = follow_stress(mesh, stress_field.stress, beta, starts, linear.factors[0].ordering, progress)
+        require_injective(mesh, phi)
+    else:
+        phi = remove_folds(mesh, frames, beta, linear, progress)
     if options.spacing_bounds is not None:
         if options.follow_stress:
-            energy, stiffness, weights = following_energy(mesh, stress_field.stress, options.spacing_weight)
+            energy, stiffness, weights = following_energy(mesh, stress_field.stress, beta)
             phi = phi / np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
         else:
-            energy, stiffness, weights = barrier_energy(mesh, frame_field.frames, options.spacing_weight, linear)
+            energy, stiffness, weights = barrier_energy(mesh, frames, beta, linear)
         phi = bound_spacing(mesh, phi, options.spacing_bounds, energy, stiffness, weights)
     return Parametrization(mesh, centre_parts(mesh, phi))
