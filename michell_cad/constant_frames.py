@@ -30,8 +30,9 @@ _CHUNK = 2048
 _STEP, _STEPS = 0.1, 60
 """Gradient descent on the polynomial: the second derivatives of f along the sphere are below 20."""
 
-_POLISH = 8
-"""Iterations on the exact energy; from the minima of the polynomial, a degree or two away, half of them do."""
+_POLISH = 30
+"""Iterations on the exact energy, enough to converge also along flat valleys: whether two frames are the same minimum
+must not depend on rounding."""
 
 _SAME_AXIS = 0.97
 """Axes with at least this cosine (14 degrees) count as the same when frames are told apart."""
