@@ -47,8 +47,8 @@ from OCP.TopoDS import TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, 
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 from scipy.interpolate import make_interp_spline
 
+from michell_cad.cad.fits import FITS
 from michell_cad.cad.shell_plan import CurveForm, PcurveForm, ShellPlan, SurfaceForm
-from michell_cad.cad.spheres import DEGREE, FIT_KNOTS
 from michell_cad.cad.tubes import AROUND_KNOTS, KNOTS, WEIGHTS, circle_parameter
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 
@@ -200,10 +200,28 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
                 poles.SetValue(i, j, gp_Pnt(*point))
         return Geom_BSplineSurface(poles, weights, around[0], along[0], around[1], along[1], 2, 3)
 
+    across = _knots(np.repeat([0.0, 1.0], 3))
+
+    def strip(i: int) -> Any:
+        poles = TColgp_Array2OfPnt(1, 3, 1, plan.strips.poles.shape[2])
+        weights = TColStd_Array2OfReal(1, 3, 1, plan.strips.poles.shape[2])
+        for j, (column, weight) in enumerate(
+            zip(plan.strips.poles[i].transpose(1, 0, 2).tolist(), plan.strips.weights[i].tolist(), strict=True), 1
+        ):
+            for k, (point, w) in enumerate(zip(column, (1.0, weight, 1.0), strict=True), 1):
+                poles.SetValue(k, j, gp_Pnt(*point))
+                weights.SetValue(k, j, w)
+        along = _knots(plan.strips.knots[i])
+        return Geom_BSplineSurface(
+            poles, weights, across[0], along[0], across[1], along[1], 2, plan.strips.degree
+        )
+
     def make(f: int) -> Any:
         form, i = forms[f], numbers[f]
         if form == SurfaceForm.TUBE:
             return tube(i)
+        if form == SurfaceForm.STRIP:
+            return strip(i)
         if form == SurfaceForm.TORUS:
             return Geom_ToroidalSurface(place(i), *radii[i])
         kind = Geom_SphericalSurface if form == SurfaceForm.SPHERE else Geom_CylindricalSurface
@@ -214,7 +232,8 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
 
 def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:
     lines = plan.pcurve_lines.tolist()
-    whole = _knots(FIT_KNOTS * 2 * np.pi)
+    whole = [_knots(fit.knots * 2 * np.pi) for fit in FITS]
+    breaks = [np.unique(fit.knots) for fit in FITS]
     ranges = plan.edges.ranges
     tube_ends = [_circle_on_tube(0.0), _circle_on_tube(1.0)]
 
@@ -222,13 +241,14 @@ def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:
         if form == PcurveForm.LINE:
             (u, v), (du, dv) = lines[i]
             return Geom2d_Line(gp_Pnt2d(u, v), gp_Dir2d(du, dv))
-        if form != PcurveForm.FITTED:
+        if form < PcurveForm.FITTED:
             return tube_ends[form == PcurveForm.TUBE_END]
+        number = form - PcurveForm.FITTED
         first, last = ranges[edge]
-        knots, mults = whole
+        knots, mults = whole[number]
         if (first, last) != (0.0, 2 * np.pi):
-            knots, mults = _knots(first + (last - first) * FIT_KNOTS)
-        return Geom2d_BSplineCurve(_points_2d(plan.pcurve_poles[i]), knots, mults, DEGREE)
+            knots = _reals(first + (last - first) * breaks[number])
+        return Geom2d_BSplineCurve(_points_2d(plan.pcurve_poles[number][i]), knots, mults, FITS[number].degree)
 
     return make
 
@@ -259,11 +279,17 @@ def _circle_on_tube(v: float) -> Any:
 
 def _knots(repeated: np.ndarray) -> tuple[TColStd_Array1OfReal, TColStd_Array1OfInteger]:
     values, counts = np.unique(repeated, return_counts=True)
-    knots, mults = TColStd_Array1OfReal(1, len(values)), TColStd_Array1OfInteger(1, len(values))
-    for k, (value, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True), 1):
-        knots.SetValue(k, value)
+    mults = TColStd_Array1OfInteger(1, len(values))
+    for k, count in enumerate(counts.tolist(), 1):
         mults.SetValue(k, count)
-    return knots, mults
+    return _reals(values), mults
+
+
+def _reals(values: np.ndarray) -> TColStd_Array1OfReal:
+    array = TColStd_Array1OfReal(1, len(values))
+    for k, value in enumerate(values.tolist(), 1):
+        array.SetValue(k, value)
+    return array
 
 
 def is_valid(shape: Any) -> bool:

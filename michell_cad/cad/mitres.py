@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from michell_cad.cad.nodes import angles_between
 
@@ -50,6 +50,14 @@ class Mitre:
 
     corners: Float[np.ndarray, "k 3"]
     pieces: tuple[tuple[Piece, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class NodeMitre:
+    """The mitred ends of one node and how they are cut; member k of `mitre` is `ends[k]`."""
+
+    ends: Int[np.ndarray, " k"]
+    mitre: Mitre
 
 
 def cut_mitre(

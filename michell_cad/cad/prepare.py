@@ -19,9 +19,9 @@ import numpy as np
 
 from michell_cad.cad.centerlines import Centerlines, sample_splines, straight_centerlines
 from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
-from michell_cad.cad.mitres import Mitre, corner_angles, cut_mitre
+from michell_cad.cad.mitres import Mitre, NodeMitre, corner_angles, cut_mitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle, node_levels, size_nodes
-from michell_cad.cad.prepared import Changes, NodeMitre, PreparedTruss
+from michell_cad.cad.prepared import Changes, PreparedTruss
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.cad.spheres import Seam, place_seam, renumber_cuts
 from michell_cad.cad.tubes import Tubes, fit_tubes, pinched_tubes
@@ -236,7 +236,7 @@ def _fit(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, phase: np.ndar
 
 def _mitred_ends(attempt: _Attempt, sizes: NodeSizes) -> dict[int, np.ndarray]:
     node = attempt.sized.truss.members.ravel()
-    ends = np.flatnonzero(sizes.mitred)
+    ends = np.flatnonzero(sizes.creased)
     if not len(ends):
         return {}
     order = ends[np.argsort(node[ends], kind="stable")]
@@ -251,7 +251,7 @@ def _turn_seams(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes: 
     clear: dict[int, np.ndarray] = {}
     for i, ends in _mitred_ends(attempt, sizes).items():
         for k, e in enumerate(ends):
-            u = corner_angles(k, d[ends], normals[e], float(sizes.radius[i]), float(sizes.end_radius[e]))
+            u = corner_angles(k, d[ends], normals[e], float(sizes.radius[i] + sizes.fillet[e]), float(sizes.end_radius[e] + sizes.fillet[e]))
             if len(u):
                 # Turning the member forward turns the frame at its second end backward, seen from that node.
                 off = u[:, None] - (PHASES if e % 2 == 0 else -PHASES)
@@ -272,7 +272,7 @@ def _place_nodes(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes:
     d = lines.directions.reshape(-1, 3)
     normals = tubes.frames[:, [0, -1], 0].reshape(-1, 3)
     a = cap_angle(sizes.radius[node], sizes.end_radius, sizes.fillet)
-    fingerprint = np.column_stack([d, normals, sizes.end_radius, sizes.fillet, sizes.mitred, sizes.radius[node]])
+    fingerprint = np.column_stack([d, normals, sizes.end_radius, sizes.fillet, sizes.creased, sizes.radius[node]])
     order = np.argsort(node, kind="stable")
     nodes, starts = np.unique(node[order], return_index=True)
     mitres: dict[int, NodeMitre] = {}
@@ -283,7 +283,7 @@ def _place_nodes(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes:
         if key not in attempt.memo:
             attempt.memo[key] = _place_node(d[ends], normals[ends], a[ends], ends, sizes, float(sizes.radius[i]))
         mitre, seam = attempt.memo[key]
-        mitred = ends[sizes.mitred[ends]]
+        mitred = ends[sizes.creased[ends]]
         if len(mitred) and mitre is None:
             failed_mitres.append(i)
         elif seam is None:
@@ -296,11 +296,13 @@ def _place_nodes(attempt: _Attempt, lines: Centerlines, sizes: NodeSizes, tubes:
 
 
 def _place_node(d, normals, a, ends, sizes, R: float) -> tuple[Mitre | None, Seam | None]:
-    mitred = np.flatnonzero(sizes.mitred[ends])
+    mitred = np.flatnonzero(sizes.creased[ends])
     mitre = None
     groups, vertices = np.arange(len(ends)), [np.zeros(1)] * len(ends)
     if len(mitred):
-        mitre = cut_mitre(d[mitred], normals[mitred], R, float(sizes.end_radius[ends[mitred[0]]]))
+        one = ends[mitred[0]]
+        f = float(sizes.fillet[one])
+        mitre = cut_mitre(d[mitred], normals[mitred], R + f, float(sizes.end_radius[one]) + f)
         if mitre is None:
             return None, None
         groups, vertices = _loops(len(ends), mitred, mitre)
@@ -412,7 +414,7 @@ def _messages(attempt: _Attempt, changes: Changes, sizes: NodeSizes, mitred: int
     if mitred:
         lines.append(
             f"{mitred} nodes have members at angles too acute for side-by-side fillets: "
-            f"{int(sizes.mitred.sum())} ends are mitred there, without fillet"
+            f"{int(sizes.creased.sum())} ends are mitred there, without fillet"
         )
     if changes.merged_nodes:
         lines.append(f"{changes.merged_nodes} nodes were merged with another: the members between them are too short")

@@ -11,19 +11,12 @@ from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
-from michell_cad.cad.mitres import Mitre
+from michell_cad.cad.creases import Creases, lay_creases
+from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
 from michell_cad.cad.spheres import Seam
 from michell_cad.cad.tubes import Tubes
 from michell_cad.truss import SizedTruss
-
-
-@dataclass(frozen=True, eq=False)
-class NodeMitre:
-    """The mitred ends of one node and how they are cut; member k of `mitre` is `ends[k]`."""
-
-    ends: Int[np.ndarray, " k"]
-    mitre: Mitre
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +106,13 @@ class PreparedTruss:
     def caps(self) -> Float[np.ndarray, " n_e"]:
         """Half-angles of the caps that the ends take from their spheres."""
         return cap_angle(self.sizes.radius[self.node_of_end], self.sizes.end_radius, self.sizes.fillet)
+
+    @cached_property
+    def creases(self) -> Creases:
+        """Tables of the filleted creases."""
+        return lay_creases(
+            self.mitres, self.sized.truss.nodes, self.directions, self.normals, np.asarray(self.sizes.fillet)
+        )
 
     @cached_property
     def component(self) -> Int[np.ndarray, " n_n"]:

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.interpolate import BSpline
 
-from michell_cad.arrays import frozen
+from michell_cad.cad.fits import FINE_ENOUGH, FITS, Fitted
 
 POLE_MARGIN = 0.12
 """Angle between a pole and the nearest circle: nearer, the longitude changes too fast to be fitted."""
@@ -21,11 +20,6 @@ SEAM_MARGIN = 0.02
 
 CUT_MARGIN = 0.02
 """Angle on a circle between the seam's crossing and the nearest vertex."""
-
-DEGREE = 7
-FIT_POINTS = 43
-"""Degree and points of the splines that stand for circles in latitude and longitude."""
-
 
 @dataclass(frozen=True, eq=False)
 class Seam:
@@ -164,32 +158,14 @@ def _leave_caps(pole, zero, d, a, N) -> tuple[int, float, float] | None:
     return cap, float(np.mod(angle, 2 * np.pi)), float(away[last])
 
 
-def _averaged_knots(x: np.ndarray) -> np.ndarray:
-    """Clamped knots for interpolation at x (de Boor)."""
-    inner = np.array([x[i + 1 : i + 1 + DEGREE].mean() for i in range(len(x) - DEGREE - 1)])
-    return np.concatenate([np.zeros(DEGREE + 1), inner, np.ones(DEGREE + 1)])
-
-
-_UNIFORM = np.linspace(0, 1, FIT_POINTS)
-# Denser towards the ends, where a spline errs most.
-_POINTS = 0.7 * _UNIFORM + 0.3 * (1 - np.cos(np.pi * _UNIFORM)) / 2
-
-FIT_KNOTS = frozen(_averaged_knots(_POINTS))
-"""Knots of the fitted pcurves on [0, 1]."""
-
-_FIT = np.linalg.inv(BSpline.design_matrix(_POINTS, FIT_KNOTS, DEGREE).toarray())
-_CHECK_POINTS = (_POINTS[1:] + _POINTS[:-1]) / 2
-_CHECK = BSpline.design_matrix(_CHECK_POINTS, FIT_KNOTS, DEGREE).toarray()
-
-
 def fit_longitudes(
     sphere_frames: Float[np.ndarray, "n 3 3"],
     R: Float[np.ndarray, " n"],
     circle_frames: Float[np.ndarray, "n 3 3"],
     half_angles: Float[np.ndarray, " n"],
     ranges: Float[np.ndarray, "n 2"],
-) -> tuple[Float[np.ndarray, "n p 2"], Float[np.ndarray, " n"]]:
-    """Poles, on `FIT_KNOTS`, of the (longitude, latitude) of circular arcs on spheres, and their deviation in mm.
+) -> Fitted:
+    """Pcurves (longitude, latitude) of circular arcs on spheres, each by the smallest of `FITS` that is fine enough.
 
     Parameters
     ----------
@@ -199,29 +175,35 @@ def fit_longitudes(
     half_angles : of the caps inside the circles.
     ranges : first and last angle of the arcs. No arc crosses longitude 0 but at its ends.
     """
+    fit, deviation, poles = np.zeros(len(R), int), np.zeros(len(R)), []
+    rows = np.arange(len(R))
+    for number, one in enumerate(FITS):
+        arcs = circle_frames[rows], half_angles[rows], ranges[rows]
+        found = np.einsum("px,nxd->npd", one.to_poles, _longitudes(_arc(*arcs, one.places), sphere_frames[rows]))
+        longitude, latitude = np.moveaxis(one.halfway(found), -1, 0)
+        on_sphere = np.stack(
+            [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
+        )
+        expected = np.einsum("nxd,nkd->nxk", _arc(*arcs, one.between), sphere_frames[rows])
+        missed = np.linalg.norm(on_sphere - expected, axis=-1).max(1)
+        done = (missed <= FINE_ENOUGH) | (number == len(FITS) - 1)
+        fit[rows[done]], deviation[rows[done]] = number, R[rows[done]] * missed[done]
+        poles.append(found[done])
+        rows = rows[~done]
+    return Fitted(fit, poles, deviation)
 
-    def locate(x: np.ndarray) -> np.ndarray:
-        theta = ranges[:, :1] + (ranges[:, 1:] - ranges[:, :1]) * x
-        N, B, d = circle_frames.transpose(1, 0, 2)[:, :, None]
-        a = half_angles[:, None, None]
-        q = np.cos(a) * d + np.sin(a) * (np.cos(theta)[..., None] * N + np.sin(theta)[..., None] * B)
-        return np.einsum("nxd,nkd->nxk", q, sphere_frames)
 
-    q = locate(_POINTS)
+def _arc(circle_frames: np.ndarray, half_angles: np.ndarray, ranges: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Unit vectors at the places x along arcs of circles."""
+    theta = ranges[:, :1] + (ranges[:, 1:] - ranges[:, :1]) * x
+    N, B, d = circle_frames.transpose(1, 0, 2)[:, :, None]
+    a = half_angles[:, None, None]
+    return np.cos(a) * d + np.sin(a) * (np.cos(theta)[..., None] * N + np.sin(theta)[..., None] * B)
+
+
+def _longitudes(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Longitude, continuous along each row and from 0 to 2 pi in its middle, and latitude."""
+    q = np.einsum("nxd,nkd->nxk", points, frames)
     u = np.unwrap(np.arctan2(q[..., 1], q[..., 0]), axis=1)
-    u -= 2 * np.pi * np.floor(u[:, FIT_POINTS // 2] / (2 * np.pi))[:, None]
-    v = np.arcsin(np.clip(q[..., 2], -1, 1))
-    poles = np.einsum("px,nxk->npk", _FIT, np.stack([u, v], axis=-1))
-    fitted = np.einsum("xp,npk->nxk", _CHECK, poles)
-    longitude, latitude = fitted[..., 0], fitted[..., 1]
-    on_sphere = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
-    )
-    deviation = R * np.linalg.norm(on_sphere - locate(_CHECK_POINTS), axis=-1).max(1) if len(R) else np.zeros(0)
-    return poles, deviation
-
-
-def fit_sines(t_range: tuple[float, float], middle: float, sign: float, size: float) -> Float[np.ndarray, "1 p 2"]:
-    """Poles of (angle, height) = (middle + sign t, size cos t) on `FIT_KNOTS`: an ellipse seen from its cylinder."""
-    t = t_range[0] + (t_range[1] - t_range[0]) * _POINTS
-    return (_FIT @ np.stack([middle + sign * t, size * np.cos(t)], axis=-1))[None]
+    u -= 2 * np.pi * np.floor(u[:, u.shape[1] // 2] / (2 * np.pi))[:, None]
+    return np.stack([u, np.arcsin(np.clip(q[..., 2], -1, 1))], axis=-1)

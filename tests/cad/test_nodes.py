@@ -80,13 +80,13 @@ def test_sphere_grows_then_fillets_shrink_then_members_are_mitred() -> None:
 def test_blunt_mitres_reach_beyond_their_tips_too() -> None:
     """At a small sphere, members more than a right angle apart can still be mitred."""
     sizes = sizes_of(at_angle(92), 1.0, level=3)
-    assert sizes.mitred.all()
+    assert sizes.creased.all()
     assert (sizes.reach > 1 / np.tan(np.radians(46.0))).all()
 
 
 def test_mitred_members_share_the_largest_radius() -> None:
     sizes = sizes_of([*at_angle(20), [-1, 0, 0]], [1.0, 0.5, 0.5])
-    assert sizes.mitred.tolist() == [True, True, False]
+    assert sizes.creased.tolist() == [True, True, False]
     assert sizes.end_radius == pytest.approx([1.0, 1.0, 0.5])
 
 
@@ -107,5 +107,5 @@ def test_caps_are_clear_or_overlap_clearly(seed) -> None:
     a = cap_angle(sizes.radius[0], sizes.end_radius, sizes.fillet)
     first, second = end_pairs(np.zeros(len(d), int))
     gap = angles_between(d[first], d[second]) - a[first] - a[second]
-    both = sizes.mitred[first] & sizes.mitred[second]
+    both = sizes.creased[first] & sizes.creased[second]
     assert ((gap >= MARGIN - 1e-6) | (both & (gap < -0.9 * 2 * MARGIN))).all()
