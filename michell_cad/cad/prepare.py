@@ -385,11 +385,13 @@ def _describe(attempt: _Attempt, changes: Changes, lines, sizes, tubes, mitres, 
     widest = np.zeros(len(truss.nodes))
     np.maximum.at(widest, truss.members.ravel(), sizes.end_radius)
     used = widest > 0
-    mitred = np.zeros(len(truss.nodes), bool)
-    mitred[list(mitres)] = True
+    creased, sharp = np.zeros(len(truss.nodes), bool), np.zeros(len(truss.nodes), bool)
+    creased[list(mitres)] = True
+    sharp[truss.members.ravel()[sizes.fillet <= 0]] = True
+    sharp &= creased
     smaller = used & (sizes.radius < 0.999 * knobs.node_ratio * widest)
     smaller[truss.members.ravel()[sizes.fillet < 0.999 * knobs.fillet_ratio * sizes.end_radius]] = True
-    counts = {"mitred": mitred & ~changes.touched, "merged": changes.touched & used}
+    counts = {"mitred": sharp & ~changes.touched, "merged": changes.touched & used}
     fallback = {kind: int(mask.sum()) for kind, mask in counts.items() if mask.any()}
     return PreparedTruss(
         sized=attempt.sized,
@@ -402,10 +404,11 @@ def _describe(attempt: _Attempt, changes: Changes, lines, sizes, tubes, mitres, 
         changes=changes,
         growth=attempt.growth,
         fallback_nodes=fallback,
-        raised_nodes=int((used & ~mitred & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),
-        reduced_nodes=int((smaller & ~mitred).sum()),
+        creased_nodes=int((creased & ~sharp).sum()),
+        raised_nodes=int((used & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),
+        reduced_nodes=int((smaller & ~creased).sum()),
         straightened_members=int(attempt.straight.sum()),
-        messages=_messages(attempt, changes, sizes, int(mitred.sum())),
+        messages=_messages(attempt, changes, sizes, int(sharp.sum())),
     )
 
 
@@ -413,8 +416,7 @@ def _messages(attempt: _Attempt, changes: Changes, sizes: NodeSizes, mitred: int
     lines = []
     if mitred:
         lines.append(
-            f"{mitred} nodes have members at angles too acute for side-by-side fillets: "
-            f"{int(sizes.creased.sum())} ends are mitred there, without fillet"
+            f"{mitred} nodes have members at acute angles that meet in sharp edges, since no fillets are wanted"
         )
     if changes.merged_nodes:
         lines.append(f"{changes.merged_nodes} nodes were merged with another: the members between them are too short")

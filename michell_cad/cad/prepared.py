@@ -66,6 +66,7 @@ class PreparedTruss:
     changes : what was changed in the truss itself.
     growth : (n_n,) float, factors by which the spheres had to grow.
     fallback_nodes : nodes not built by the direct way, by kind.
+    creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
     straightened_members : members that do not follow their curve, since there is no room for the bend.
@@ -82,6 +83,7 @@ class PreparedTruss:
     changes: Changes
     growth: Float[np.ndarray, " n_n"]
     fallback_nodes: Mapping[str, int]
+    creased_nodes: int
     raised_nodes: int
     reduced_nodes: int
     straightened_members: int

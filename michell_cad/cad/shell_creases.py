@@ -16,6 +16,10 @@ CROWDING = 0.6
 """Power of sin(alpha / 2) by which the knots of a strip crowd at the tip, where the ellipse bends most."""
 
 
+AXES_TRIED = 24
+"""Axes that are tried for the sphere of a triangle."""
+
+
 def lay_creases(s: ShellTables, arcs: Arcs) -> None:
     """Lay the faces of all filleted creases; the arcs on the spheres exist already."""
     c = s.p.creases
@@ -255,16 +259,11 @@ def _run_ellipses(s: ShellTables, c: Creases, face_of_end, strip_edges, p: _Pair
 
 
 def _lay_triangles(s: ShellTables, c: Creases, across: np.ndarray) -> None:
-    """Triangles of the ball. The equator of its sphere runs along the longest side, so that the others are short."""
+    """Triangles of the ball, away from the poles of its sphere and from longitude 0."""
     sides: Int[np.ndarray, "n 3"] = c.triangle_arcs
-    n = len(sides)
-    longest = sides[np.arange(n), c.arc_angles[sides].argmax(1)]
-    axis = np.cross(c.arc_start[longest], c.arc_stop[longest])
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    # Longitude 0 lies opposite the middle of the longest side.
-    zero = -_unit(c.arc_start[longest] + c.arc_stop[longest])
-    corner = c.arc_corner[longest]
-    f = s.f[c.arc_from[longest]]
+    n, some = len(sides), sides[:, 0]
+    axis, zero = _turn_away(c.arc_start[sides], c.arc_stop[sides])
+    corner, f = c.arc_corner[some], s.f[c.arc_from[some]]
     surface = s.frames.add(n, origin=c.center[corner], axis=axis, zero=zero, radii=np.stack([f, f], axis=1))
     node = c.node[corner]
     face = s.faces.add(
@@ -280,3 +279,14 @@ def _lay_triangles(s: ShellTables, c: Creases, across: np.ndarray) -> None:
         fitted = fit_longitudes(sphere, f, circle, np.full(n, np.pi / 2), ranges)
         s.run_fitted(face, 0, k, across[side], ~c.triangle_forward[:, k], fitted)
         s.widen(across[side], fitted.deviation)
+
+
+def _turn_away(start: Float[np.ndarray, "n 3 3"], stop: Float[np.ndarray, "n 3 3"]) -> tuple[np.ndarray, np.ndarray]:
+    """Axis and direction of longitude 0 of a sphere on which triangles, given by their sides, stay near the equator."""
+    points = _unit(np.concatenate([start, stop, start + stop], axis=1))
+    middle = _unit(points[:, :6].sum(1))
+    x = _unit(np.cross(middle, np.eye(3)[np.abs(middle).argmin(1)]))
+    turn = np.linspace(0, np.pi, AXES_TRIED, endpoint=False)[:, None, None]
+    axes = np.cos(turn) * x + np.sin(turn) * np.cross(middle, x)
+    highest = np.abs(np.einsum("nkd,jnd->jnk", points, axes)).max(2)
+    return axes[highest.argmin(0), np.arange(len(middle))], -middle
