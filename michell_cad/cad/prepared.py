@@ -14,7 +14,7 @@ from michell_cad.cad.centerlines import Centerlines
 from michell_cad.cad.creases import Creases, lay_creases
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
-from michell_cad.cad.spheres import Seam
+from michell_cad.cad.spheres import Seams
 from michell_cad.cad.tubes import Tubes
 from michell_cad.truss import SizedTruss
 
@@ -62,14 +62,15 @@ class PreparedTruss:
     sizes : spheres, fillets, mitres.
     tubes : surfaces of the members.
     mitres : per mitred node.
-    seams : per node with members.
+    seams : per node.
     changes : what was changed in the truss itself.
     growth : (n_n,) float, factors by which the spheres had to grow.
     fallback_nodes : nodes not built by the direct way, by kind.
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
-    straightened_members : members that do not follow their curve, since there is no room for the bend.
+    turned_ends : ends that leave their node along the chord of their member, not along the curve.
+    straightened_members : members that do not follow their curve at all, since there is no room for the bend.
     messages : one sentence for every kind of change.
     """
 
@@ -79,13 +80,14 @@ class PreparedTruss:
     sizes: NodeSizes
     tubes: Tubes
     mitres: Mapping[int, NodeMitre]
-    seams: Mapping[int, Seam]
+    seams: Seams
     changes: Changes
     growth: Float[np.ndarray, " n_n"]
     fallback_nodes: Mapping[str, int]
     creased_nodes: int
     raised_nodes: int
     reduced_nodes: int
+    turned_ends: int
     straightened_members: int
     messages: tuple[str, ...]
 

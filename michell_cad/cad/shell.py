@@ -99,22 +99,22 @@ def _lay_arcs(s: ShellTables) -> Arcs:
 
 
 def _cut_at_seams(s: ShellTables, end, ranges, ends, piece):
-    """Split the arcs that the seams of the spheres meet; `cuts` maps (node, pole) to the new point."""
+    """Split the arcs that the seams of the spheres meet; `cuts` (n_n, 2) are the new points."""
+    seams = s.p.seams
+    node, pole = np.nonzero((seams.cap >= 0) & seams.found[:, None])
+    by_node = np.argsort(s.node, kind="stable")
+    first_end = np.searchsorted(s.node[by_node], np.arange(len(seams.found)))
+    wanted, angles = by_node[first_end[node] + seams.cap[node, pole]], seams.angle[node, pole]
     of_end: dict[int, list[int]] = {}
-    wanted = {}
-    for i, seam in s.p.seams.items():
-        for pole, cut in enumerate((seam.south_cut, seam.north_cut)):
-            if cut is not None:
-                wanted[i, pole] = cut
-    for k in np.flatnonzero(np.isin(end, [e for e, _ in wanted.values()])):
-        of_end.setdefault(int(end[k]), []).append(int(k))
-    keys, arcs, angles = [], [], []
-    for key, (e, angle) in wanted.items():
-        arc = next(k for k in of_end[e] if ranges[k, 0] < angle < ranges[k, 1])
-        keys.append(key)
-        arcs.append(arc)
-        angles.append(angle)
-    arcs, angles = np.array(arcs, int), np.array(angles)
+    for k in np.flatnonzero(np.isin(end, wanted)).tolist():
+        of_end.setdefault(int(end[k]), []).append(k)
+    arcs = np.array(
+        [
+            next(k for k in of_end[e] if ranges[k, 0] < angle < ranges[k, 1])
+            for e, angle in zip(wanted.tolist(), angles.tolist(), strict=True)
+        ],
+        int,
+    )
     e = end[arcs]
     rho, h = (s.R * np.sin(s.a))[e, None], (s.R * np.cos(s.a))[e, None]
     q = np.cos(angles)[:, None] * s.N[e] + np.sin(angles)[:, None] * s.B[e]
@@ -123,7 +123,8 @@ def _cut_at_seams(s: ShellTables, end, ranges, ends, piece):
     upper[:, 0], upper_ends[:, 0] = angles, new
     ranges, ends = ranges.copy(), ends.copy()
     ranges[arcs, 1], ends[arcs, 1] = angles, new
-    cuts = dict(zip(keys, new.tolist(), strict=True))
+    cuts = np.full(seams.cap.shape, -1)
+    cuts[node, pole] = new
     ranges, ends = np.concatenate([ranges, upper]), np.concatenate([ends, upper_ends])
     return cuts, np.r_[end, e], ranges, ends, np.r_[piece, piece[arcs]]
 
@@ -210,16 +211,16 @@ def _lay_tubes(s: ShellTables, arcs: Arcs) -> None:
 
 
 def _lay_spheres(s: ShellTables, arcs: Arcs) -> None:
-    nodes = np.array(list(s.p.seams), int)
-    seams = [s.p.seams[int(i)] for i in nodes]
+    seams = s.p.seams
+    nodes = np.flatnonzero(seams.found)
     n = len(nodes)
     X, R = s.p.sized.truss.nodes[nodes], s.p.sizes.radius[nodes]
-    axis, zero = np.array([seam.axis for seam in seams]), np.array([seam.zero for seam in seams])
+    axis, zero = seams.axis[nodes], seams.zero[nodes]
     frame = s.frames.add(n, origin=X, axis=axis, zero=zero, radii=np.stack([R, R], axis=1))
     face = s.faces.add(
         n, form=SurfaceForm.SPHERE, surface=frame, reversed_=0, role=FaceRole.NODE, owner=nodes, node=nodes
     )
-    poles = np.array([[arcs.cuts.get((int(i), pole), -1) for pole in (0, 1)] for i in nodes])
+    poles = arcs.cuts[nodes]
     for pole, sign in enumerate((-1, 1)):
         free = np.flatnonzero(poles[:, pole] < 0)
         point = s.points.add(len(free), x=X[free] + sign * R[free, None] * axis[free])
@@ -227,8 +228,7 @@ def _lay_spheres(s: ShellTables, arcs: Arcs) -> None:
         edge = s.add_edges(CurveForm.NONE, 0, (0, TURN), np.stack([point, point], axis=1))
         s.run_line(face[free], (0, 200)[pole], edge, pole, (0, sign * np.pi / 2), (1, 0))
     meridian = s.frames.add(n, origin=X, axis=np.cross(zero, axis), zero=zero, radii=np.stack([R, R], axis=1))
-    latitudes = np.array([(seam.south, seam.north) for seam in seams])
-    seam_edge = s.add_edges(CurveForm.CONIC, meridian, latitudes, poles)
+    seam_edge = s.add_edges(CurveForm.CONIC, meridian, seams.latitudes[nodes], poles)
     s.run_line(face, 100, seam_edge, 0, (TURN, 0), (0, 1))
     s.run_line(face, 300, seam_edge, 1, (0, 0), (0, 1))
     row_of_node = np.full(len(s.p.sized.truss.nodes), -1)

@@ -101,7 +101,7 @@ class ShellTables:
 class Arcs:
     """Arcs of the circles on the spheres, per end in ascending order of angle, after all cuts."""
 
-    """`piece` numbers the pieces of `Creases`, -1 elsewhere; `cuts` maps (node, pole) to the point where a seam ends."""
+    """`piece` numbers the pieces of `Creases`, -1 elsewhere; `cuts` (n_n, 2) are the points where seams end, or -1."""
 
     def __init__(self, end, ranges, ends, piece, edge, cuts) -> None:
         self.end, self.ranges, self.ends, self.piece, self.edge = end, ranges, ends, piece, edge

@@ -48,9 +48,11 @@ class SolidReport:
     genus, expected_genus : measured on the mesh; sum over components of members - nodes + 1.
     nodes, members : of the truss as built.
     filleted_nodes : nodes at which every member has its fillet.
-    fallback_nodes : nodes not built by the direct way, by kind: ``mitred`` (acute members cut by bisecting planes, no
-        fillet) and ``merged`` (nodes moved, merged or given rerouted members).
+    fallback_nodes : nodes not built by the direct way, by kind: ``merged`` (nodes moved, merged or given rerouted
+        members), and ``mitred`` (members at acute angles that meet in sharp edges, only where no fillets are wanted).
+    creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
+    turned_ends : ends that leave their node along the chord of their member, not along the curve.
     straightened_members, merged_members : members that do not follow their curve; members gone.
     crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
     curve_deviation_mm : largest distance of a spine from its design curve.
@@ -68,8 +70,10 @@ class SolidReport:
     members: int
     filleted_nodes: int
     fallback_nodes: Mapping[str, int]
+    creased_nodes: int
     raised_nodes: int
     reduced_nodes: int
+    turned_ends: int
     straightened_members: int
     merged_members: int
     crossings: int
@@ -268,8 +272,10 @@ def _report(
         members=len(truss.members),
         filleted_nodes=int(plain[used].sum()),
         fallback_nodes=dict(prepared.fallback_nodes),
+        creased_nodes=prepared.creased_nodes,
         raised_nodes=prepared.raised_nodes,
         reduced_nodes=prepared.reduced_nodes,
+        turned_ends=prepared.turned_ends,
         straightened_members=prepared.straightened_members,
         merged_members=prepared.changes.original_members - len(truss.members),
         crossings=len(crossings.depth),

@@ -5,10 +5,10 @@ degenerated edge; the seam runs along a meridian that meets no cap but those of 
 centre of a cap: its circle is a line of constant latitude.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from michell_cad.cad.fits import FINE_ENOUGH, FITS, Fitted
 
@@ -22,140 +22,179 @@ CUT_MARGIN = 0.02
 """Angle on a circle between the seam's crossing and the nearest vertex."""
 
 @dataclass(frozen=True, eq=False)
-class Seam:
-    """Placement of one sphere's parameters.
-
-    `axis` points to the north pole, `zero` is the direction of longitude 0, where the seam runs from latitude `south`
-    to `north`. `south_cut` and `north_cut` are (cap, angle on its circle) where it meets caps, None at a free pole.
-    """
-
-    axis: Float[np.ndarray, " 3"]
-    zero: Float[np.ndarray, " 3"]
-    south: float
-    north: float
-    south_cut: tuple[int, float] | None
-    north_cut: tuple[int, float] | None
-
-
-def place_seam(
-    directions: Float[np.ndarray, "k 3"],
-    half_angles: Float[np.ndarray, " k"],
-    groups: Int[np.ndarray, " k"],
-    normals: Float[np.ndarray, "k 3"],
-    vertices: list[Float[np.ndarray, " _"]],
-) -> Seam | None:
-    """Find an axis and a meridian for the sphere of one node; None if there is none.
+class Seams:
+    """Placement of the parameters of n spheres.
 
     Parameters
     ----------
-    directions, half_angles : the caps.
-    groups : caps with the same number overlap, directly or through others.
-    normals : unit vectors to angle 0 of each circle.
-    vertices : angles of the vertices on each circle.
+    found : (n,) bool; the rest has no meaning where there is no place for a seam.
+    axis : (n, 3) float, unit vectors to the north poles.
+    zero : (n, 3) float, unit vectors to longitude 0, where the seam runs from south to north.
+    latitudes : (n, 2) float, where the seam starts and ends.
+    cap : (n, 2) int, the caps at whose circles it does, counted within the node; -1 at a free pole.
+    angle : (n, 2) float, and where on these circles.
     """
-    best, score = None, 0.0
-    for axes in (-directions, _tilted(directions, half_angles, normals)):
-        for axis in axes:
-            found = _try_axis(axis, directions, half_angles, groups)
-            if found is None or found[1] - found[0] <= max(score, 2 * SEAM_MARGIN):
-                continue
-            seam = _try_meridians(axis, found, directions, half_angles, normals, vertices)
-            if seam is not None:
-                best, score = seam, found[1] - found[0]
-        if best is not None:
-            return best
-    return None
+
+    found: Bool[np.ndarray, " n"]
+    axis: Float[np.ndarray, "n 3"]
+    zero: Float[np.ndarray, "n 3"]
+    latitudes: Float[np.ndarray, "n 2"]
+    cap: Int[np.ndarray, "n 2"]
+    angle: Float[np.ndarray, "n 2"]
+
+    def rows(self, k: np.ndarray) -> "Seams":
+        """Some of the seams."""
+        return Seams(*(getattr(self, f.name)[k] for f in fields(self)))
 
 
-def renumber_cuts(seam: Seam, numbers: Int[np.ndarray, " k"]) -> Seam:
-    """The seam with cap i called ``numbers[i]``."""
-    south, north = (cut and (int(numbers[cut[0]]), cut[1]) for cut in (seam.south_cut, seam.north_cut))
-    return replace(seam, south_cut=south, north_cut=north)
+def no_seams(n: int) -> Seams:
+    """n spheres without seam."""
+    two = np.zeros((n, 2))
+    return Seams(np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3)), two, np.full((n, 2), -1), two.copy())
 
 
-def _tilted(d: np.ndarray, a: np.ndarray, N: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Caps:
+    """The caps of n nodes with k members each.
+
+    Parameters
+    ----------
+    directions, half_angles : (n, k, 3) and (n, k).
+    groups : (n, k) int, caps of a node with the same number overlap, directly or through others.
+    normals : (n, k, 3), unit vectors to angle 0 of each circle.
+    vertices : (n, k, v), angles of the vertices on each circle; filled up by repeating one.
+    """
+
+    directions: Float[np.ndarray, "n k 3"]
+    half_angles: Float[np.ndarray, "n k"]
+    groups: Int[np.ndarray, "n k"]
+    normals: Float[np.ndarray, "n k 3"]
+    vertices: Float[np.ndarray, "n k v"]
+
+    def rows(self, some: np.ndarray) -> "Caps":
+        """Some of the nodes."""
+        return Caps(*(getattr(self, f.name)[some] for f in fields(self)))
+
+
+def place_seams(caps: Caps) -> Seams:
+    """Find an axis and a meridian for each sphere: first through the centre of a cap, then through caps off centre."""
+    seams = _place_on_axes(caps, -caps.directions)
+    failed = np.flatnonzero(~seams.found)
+    if len(failed):
+        some = caps.rows(failed)
+        tilted = _place_on_axes(some, _tilted(some))
+        for field in fields(seams):
+            getattr(seams, field.name)[failed] = getattr(tilted, field.name)
+    return seams
+
+
+def _tilted(caps: Caps) -> np.ndarray:
     """Axes that run through caps off their centres."""
-    B = np.cross(d, N)
-    turn = np.linspace(0, 2 * np.pi, 7)[:-1]
-    arms = np.cos(turn)[:, None, None] * N + np.sin(turn)[:, None, None] * B
-    tilt = 0.5 * a[None, :, None]
-    return -(np.cos(tilt) * d + np.sin(tilt) * arms).reshape(-1, 3)
+    d, N = caps.directions[:, :, None], caps.normals[:, :, None]
+    turn = np.linspace(0, 2 * np.pi, 7)[:-1, None]
+    arms = np.cos(turn) * N + np.sin(turn) * np.cross(d, N)
+    tilt = 0.5 * caps.half_angles[:, :, None, None]
+    return -(np.cos(tilt) * d + np.sin(tilt) * arms).reshape(len(d), -1, 3)
 
 
-def _basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    x /= np.linalg.norm(x)
-    return x, np.cross(axis, x)
+def _place_on_axes(caps: Caps, axes: np.ndarray) -> Seams:
+    """Try the axes (n, j, 3) of each node, those with the widest gap between caps first."""
+    low, high = _widest_gaps(caps, axes)
+    width = np.where(high - low > 2 * SEAM_MARGIN, high - low, -1.0)
+    order = np.argsort(-width, axis=1, kind="stable")
+    seams = no_seams(len(axes))
+    for j in range(axes.shape[1]):
+        rows = np.flatnonzero(~seams.found)
+        at = order[rows, j]
+        possible = width[rows, at] > 0
+        rows, at = rows[possible], at[possible]
+        if not len(rows):
+            break
+        found = _try_meridians(caps.rows(rows), axes[rows, at], low[rows, at], high[rows, at])
+        for field in fields(seams):
+            getattr(seams, field.name)[rows] = getattr(found, field.name)
+    return seams
 
 
-def _try_axis(axis: np.ndarray, d: np.ndarray, a: np.ndarray, groups: np.ndarray) -> tuple[float, float] | None:
-    """The widest free interval of longitudes (from the basis of the axis) between the caps, or None."""
-    north = np.arccos(np.clip(d @ axis, -1, 1))
-    from_south = np.pi - north
-    if min(np.abs(north - a).min(), np.abs(from_south - a).min()) < POLE_MARGIN:
-        return None
-    at_north, at_south = north < a, from_south < a
+def _bases(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors normal to each axis (..., 3) and to each other."""
+    helper = np.eye(3)[np.argmin(np.abs(axes), axis=-1)]
+    x = np.cross(axes, helper)
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    return x, np.cross(axes, x)
+
+
+def _widest_gaps(caps: Caps, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The widest free interval of longitudes, from the basis of each axis; empty where an axis is not possible."""
+    d, a = caps.directions, caps.half_angles[:, None]
+    north = np.arccos(np.clip(axes @ d.transpose(0, 2, 1), -1, 1))
+    south = np.pi - north
+    possible = np.minimum(np.abs(north - a), np.abs(south - a)).min(2) >= POLE_MARGIN
+    at_north, at_south = north < a, south < a
     # One union of caps around both poles leaves no room for a seam.
-    if set(groups[at_north]) & set(groups[at_south]):
-        return None
+    same = caps.groups[:, None, :, None] == caps.groups[:, None, None, :]
+    possible &= ~(at_north[..., None] & at_south[..., None, :] & same).any((2, 3))
     rest = ~(at_north | at_south)
-    if not rest.any():
-        return -np.pi, np.pi
-    x, y = _basis(axis)
-    middle = np.arctan2(d[rest] @ y, d[rest] @ x)
-    half = np.arcsin(np.minimum(np.sin(a[rest]) / np.sin(north[rest]), 1.0))
-    order = np.argsort(middle - half)
-    low, high = (middle - half)[order], np.maximum.accumulate((middle + half)[order])
-    wrapped = max(high[-1] - 2 * np.pi, -np.inf)
-    opens = np.concatenate([high[:-1], [high[-1]]])
-    opens = np.maximum(opens, wrapped)
-    closes = np.concatenate([low[1:], [low[0] + 2 * np.pi]])
-    widest = int(np.argmax(closes - opens))
-    return (float(opens[widest]), float(closes[widest])) if closes[widest] > opens[widest] else None
+    x, y = _bases(axes)
+    middle = np.arctan2(y @ d.transpose(0, 2, 1), x @ d.transpose(0, 2, 1))
+    half = np.arcsin(np.minimum(np.sin(a) / np.maximum(np.sin(north), np.finfo(float).tiny), 1.0))
+    lower = np.where(rest, middle - half, np.inf)
+    order = np.argsort(lower, axis=2)
+    lower = np.take_along_axis(lower, order, axis=2)
+    upper = np.take_along_axis(np.where(rest, middle + half, -np.inf), order, axis=2)
+    opens = np.maximum(np.maximum.accumulate(upper, axis=2), upper.max(2, keepdims=True) - 2 * np.pi)
+    closes = np.concatenate([lower[..., 1:], np.full_like(lower[..., :1], np.inf)], axis=2)
+    closes = np.where(np.isinf(closes), lower[..., :1] + 2 * np.pi, closes)
+    with np.errstate(invalid="ignore"):
+        gap = np.where(np.isinf(lower), -np.inf, closes - opens)
+    widest = gap.argmax(2)[..., None]
+    free = ~rest.any(2)
+    low = np.where(free, -np.pi, np.take_along_axis(opens, widest, axis=2)[..., 0])
+    high = np.where(free, np.pi, np.take_along_axis(closes, widest, axis=2)[..., 0])
+    return np.where(possible, low, 0.0), np.where(possible, high, 0.0)
 
 
-def _try_meridians(axis, interval, d, a, N, vertices) -> Seam | None:
-    low, high = interval
-    x, y = _basis(axis)
-    width = high - low
-    # From the middle outwards.
-    for share in (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82):
-        longitude = low + share * width
-        zero = np.cos(longitude) * x + np.sin(longitude) * y
-        ends = []
-        for pole in (-axis, axis):
-            cut = _leave_caps(pole, zero, d, a, N)
-            if cut is not None:
-                cap, angle, _ = cut
-                gaps = np.abs(np.mod(angle - vertices[cap] + np.pi, 2 * np.pi) - np.pi)
-                if len(gaps) and gaps.min() < CUT_MARGIN:
-                    break
-            ends.append(cut)
-        if len(ends) == 2:
-            (south, north) = ends
-            return Seam(
-                axis,
-                zero,
-                -np.pi / 2 + (south[2] if south else 0.0),
-                np.pi / 2 - (north[2] if north else 0.0),
-                south[:2] if south else None,
-                north[:2] if north else None,
-            )
-    return None
+SHARES = np.array([0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82])
+"""Meridians that are tried, as shares of the free interval: from the middle outwards."""
 
 
-def _leave_caps(pole, zero, d, a, N) -> tuple[int, float, float] | None:
-    """Where the meridian from a pole to `zero` leaves the caps: (cap, angle on its circle, angle from the pole)."""
-    caps = np.flatnonzero(np.arccos(np.clip(d @ pole, -1, 1)) < a)
-    if not len(caps):
-        return None
-    p, m = d[caps] @ pole, d[caps] @ zero
-    away = np.arctan2(m, p) + np.arccos(np.clip(np.cos(a[caps]) / np.hypot(p, m), -1, 1))
-    last = int(np.argmax(away))
-    cap = int(caps[last])
-    q = np.cos(away[last]) * pole + np.sin(away[last]) * zero
-    angle = np.arctan2(q @ np.cross(d[cap], N[cap]), q @ N[cap])
-    return cap, float(np.mod(angle, 2 * np.pi)), float(away[last])
+def _try_meridians(caps: Caps, axis: np.ndarray, low: np.ndarray, high: np.ndarray) -> Seams:
+    """The first meridian in the interval that keeps away from the vertices where it leaves the caps of the poles."""
+    x, y = _bases(axis)
+    longitude = low[:, None] + SHARES * (high - low)[:, None]
+    zero = np.cos(longitude)[..., None] * x[:, None] + np.sin(longitude)[..., None] * y[:, None]
+    ok = np.ones(longitude.shape, bool)
+    cuts = []
+    for pole in (-axis, axis):
+        cap, angle, away = _leave_caps(caps, pole, zero)
+        vertices = np.take_along_axis(caps.vertices, np.maximum(cap, 0)[..., None], axis=1)
+        gap = np.abs(np.mod(angle[..., None] - vertices + np.pi, 2 * np.pi) - np.pi).min(2)
+        ok &= (cap < 0) | (gap >= CUT_MARGIN)
+        cuts.append((cap, angle, away))
+    n, first = np.arange(len(axis)), ok.argmax(1)
+    cap, angle, away = (np.stack([cut[k][n, first] for cut in cuts], axis=1) for k in range(3))
+    latitudes = np.array([-np.pi / 2, np.pi / 2]) + np.array([1, -1]) * away
+    return Seams(ok.any(1), axis, zero[n, first], latitudes, cap, angle)
+
+
+def _leave_caps(caps: Caps, pole: np.ndarray, zero: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where meridians from a pole to `zero` (n, j, 3) leave the caps: cap (or -1), angle on its circle and from the
+    pole."""
+    d, a = caps.directions, caps.half_angles
+    inside = (np.arccos(np.clip(np.einsum("nkd,nd->nk", d, pole), -1, 1)) < a)[:, None]
+    p, m = np.einsum("nkd,nd->nk", d, pole)[:, None], zero @ d.transpose(0, 2, 1)
+    length = np.maximum(np.hypot(p, m), np.finfo(float).tiny)
+    away = np.arctan2(m, p) + np.arccos(np.clip(np.cos(a)[:, None] / length, -1, 1))
+    away = np.where(inside, away, -np.inf)
+    cap = away.argmax(2)
+    farthest = np.take_along_axis(away, cap[..., None], axis=2)[..., 0]
+    none = np.isinf(farthest)
+    farthest = np.where(none, 0.0, farthest)
+    q = np.cos(farthest)[..., None] * pole[:, None] + np.sin(farthest)[..., None] * zero
+    rows = np.arange(len(d))[:, None]
+    N, at = caps.normals[rows, cap], d[rows, cap]
+    angle = np.arctan2((q * np.cross(at, N)).sum(-1), (q * N).sum(-1))
+    return np.where(none, -1, cap), np.mod(angle, 2 * np.pi), farthest
 
 
 def fit_longitudes(
