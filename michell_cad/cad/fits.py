@@ -67,13 +67,11 @@ def _even(n: int) -> np.ndarray:
 
 FITS = (
     Fit(9, (1 - np.cos(np.pi * np.arange(10) / 9)) / 2),
-    Fit(7, _even(19)),
-    Fit(7, _even(27)),
-    Fit(7, _even(43)),
+    *(Fit(7, _even(n)) for n in (15, 19, 23, 27, 33, 43)),
 )
 """From the smallest, one polynomial, to the finest. The kernel's check takes time in proportion to their points."""
 
-FINE_ENOUGH = 1e-5
+FINE_ENOUGH = 3e-5
 """A finer fit is taken where a fit misses its curve by more (relative to the radius of the surface)."""
 
 
