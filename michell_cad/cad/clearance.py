@@ -57,7 +57,7 @@ def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
     for n in np.unique(counts):
         rows = counts[owner] == n
         members = np.flatnonzero(counts == n)
-        points[rows] = MemberSplines(*_pieces(splines, members)).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
+        points[rows] = splines.some(members).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
     r = member_radius(sized.radii[owner], s)
     pair, depth = _overlaps(points, r)
     a, b = owner[pair].T
@@ -161,12 +161,6 @@ def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], l
             detours.append(best[1:])
             used |= ends
     return [], detours
-
-
-def _pieces(splines: MemberSplines, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    counts = np.diff(splines.offsets)[members]
-    take = np.repeat(splines.offsets[members] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-    return splines.control_points[take], np.concatenate([[0], np.cumsum(counts)])
 
 
 def _place_balls(lengths: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

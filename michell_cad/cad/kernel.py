@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
-from OCP.BRepGProp import BRepGProp
+from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
 from OCP.Geom import (
     Geom_BSplineCurve,
     Geom_BSplineSurface,
@@ -28,7 +30,6 @@ from OCP.Geom import (
 )
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Line
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.GProp import GProp_GProps
 from OCP.IFSelect import IFSelect_RetDone
 from OCP.Interface import Interface_Static
 from OCP.Message import Message
@@ -307,21 +308,25 @@ def faulty_faces(solid: Any, faces: Sequence[Any]) -> list[int] | None:
 
 
 def volume(shape: Any, accuracy: float = 1e-3) -> float:
-    """Volume in mm^3, integrated by the kernel over all faces.
+    """Volume in mm^3: the kernel's integrals over the cones between the middle of the shape and its faces.
 
     `accuracy` stops the kernel's adaptive integration face by face. The volume itself is then known to about 1e-5 on
     the trusses of the tests. Spheres are integrated by fixed Gauss points, which are exact there and three times as
     fast; over splines these take twenty times as long and err by 6e-4.
     """
-    spheres, others = [], []
-    for face in _explore(shape, TopAbs_FACE):
-        is_sphere = isinstance(BRep_Tool.Surface_s(TopoDS.Face_s(face)), Geom_SphericalSurface)
-        (spheres if is_sphere else others).append(face)
-    properties = GProp_GProps()
-    BRepGProp.VolumeProperties_s(compound(spheres), properties, False, False, False)
-    rest = GProp_GProps()
-    BRepGProp.VolumeProperties_s(compound(others), rest, accuracy, False, False)
-    return properties.Mass() + rest.Mass()
+    box = Bnd_Box()
+    BRepBndLib.AddClose_s(shape, box)
+    center = gp_Pnt(*((np.array(box.CornerMin().Coord()) + box.CornerMax().Coord()) / 2))
+    total, surface, domain = 0.0, BRepGProp_Face(), BRepGProp_Domain()
+    for part in _explore(shape, TopAbs_FACE):
+        face = TopoDS.Face_s(part)
+        surface.Load(face)
+        domain.Init(face)
+        if isinstance(BRep_Tool.Surface_s(face), Geom_SphericalSurface):
+            total += BRepGProp_Vinert(surface, domain, center).Mass()
+        else:
+            total += BRepGProp_Vinert(surface, domain, center, accuracy).Mass()
+    return total
 
 
 def compound(shapes: Sequence[Any]) -> Any:

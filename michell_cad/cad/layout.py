@@ -23,7 +23,7 @@ from michell_cad.cad.nodes import NodeSizes, angles_between, cap_angle, end_pair
 from michell_cad.cad.spheres import Caps, Seams, no_seams, place_seams
 from michell_cad.cad.tubes import Tubes, fit_tubes, pinched_tubes
 from michell_cad.knobs import Knobs
-from michell_cad.splines import fit_splines
+from michell_cad.splines import MemberSplines, fit_splines
 from michell_cad.truss import SizedTruss
 
 SHORTEST_TUBE = 0.3
@@ -59,6 +59,7 @@ class Layout:
 
     sized: SizedTruss
     knobs: Knobs
+    splines: MemberSplines
     design: Centerlines
     points: np.ndarray
     directions: np.ndarray
@@ -107,11 +108,14 @@ class Layout:
         return Centerlines(self.points, self.directions)
 
 
-def start_layout(sized: SizedTruss, knobs: Knobs, growth: np.ndarray | None = None) -> Layout:
-    """A layout of which nothing is done yet."""
+def start_layout(
+    sized: SizedTruss, knobs: Knobs, growth: np.ndarray | None = None, known: Layout | None = None
+) -> Layout:
+    """A layout of which nothing is done yet; curves that a known layout has as well are not sampled again."""
     truss = sized.truss
     n_n, n_m = len(truss.nodes), len(truss.members)
-    design = sample_splines(fit_splines(truss))
+    splines = fit_splines(truss)
+    design = sample_splines(splines) if known is None else _sample_new(splines, known)
     zeros = np.zeros
     sizes = {
         "radius": zeros(n_n),
@@ -125,6 +129,7 @@ def start_layout(sized: SizedTruss, knobs: Knobs, growth: np.ndarray | None = No
     layout = Layout(
         sized,
         knobs,
+        splines,
         design,
         np.array(design.points),
         np.array(design.directions),
@@ -142,6 +147,26 @@ def start_layout(sized: SizedTruss, knobs: Knobs, growth: np.ndarray | None = No
     )
     _spread_acute(layout)
     return layout
+
+
+def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:
+    """Centre lines, those of splines that a layout knows taken from there."""
+    _, was, now = np.intersect1d(_signatures(known.splines), _signatures(splines), return_indices=True)
+    points, directions = (np.empty((len(splines.offsets) - 1, *x.shape[1:])) for x in (known.points, known.directions))
+    points[now], directions[now] = known.design.points[was], known.design.directions[was]
+    fresh = np.ones(len(points), bool)
+    fresh[now] = False
+    fresh = np.flatnonzero(fresh)
+    if len(fresh):
+        sampled = sample_splines(splines.some(fresh))
+        points[fresh], directions[fresh] = sampled.points, sampled.directions
+    return Centerlines(points, directions)
+
+
+def _signatures(splines: MemberSplines) -> np.ndarray:
+    """A number for each member that two different splines do not share."""
+    weights = np.sqrt(np.arange(2.0, 14.0))
+    return np.add.reduceat(splines.control_points.reshape(-1, 12) @ weights, splines.offsets[:-1])
 
 
 def settle(layout: Layout) -> set[int]:
@@ -407,7 +432,7 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     there = number >= 0
     growth = np.ones(len(sized.truss.nodes))
     np.maximum.at(growth, number[there], old.growth[there])
-    new = start_layout(sized, old.knobs, growth)
+    new = start_layout(sized, old.knobs, growth, known=old)
     was, now = _match_members(old, new, number)
     ends_was, ends_now = (np.stack([2 * m, 2 * m + 1], axis=1).ravel() for m in (was, now))
     new.chord[ends_now] |= old.chord[ends_was]

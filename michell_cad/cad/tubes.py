@@ -18,7 +18,7 @@ from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
 from michell_cad.truss import member_radius
 
-SECTIONS = 7
+SECTIONS = 5
 """Circles per tube."""
 
 KNOTS = np.concatenate([np.zeros(4), np.linspace(0, 1, SECTIONS)[1:-1], np.ones(4)])
