@@ -11,20 +11,23 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
-from michell_cad.cad.mesh_blocks import TURN, Blocks
+from michell_cad.cad.mesh_blocks import TURN, Blocks, widened_arc
 from michell_cad.cad.mesh_creases import add_creases
 from michell_cad.cad.mesh_mitres import add_mitre
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.sphere_mesh import match_volume, triangulate_sphere
-from michell_cad.cad.tubes import SECTIONS
+from michell_cad.truss import member_radius
 
 SEGMENTS = 16
 """Sides of the polygons."""
 
 FEWEST_SEGMENTS = 8
 
-FILLET_BANDS = 5
+RINGS = 7
+"""Rings of points on a curved tube between its ends."""
+
+FILLET_BANDS = 3
 """Bands of triangles on a fillet."""
 
 
@@ -136,10 +139,25 @@ def _add_tubes(mesh: Blocks, p: PreparedTruss, tube_ring: np.ndarray, angles: np
             continue
         rings = [tube_ring[2 * members][:, None]]
         if not straight:
-            t = np.linspace(0, 1, 2 * SECTIONS - 1)[1:-1]
-            rings.append(mesh.add_points(p.tubes.surface_points(angles, t, area)[members]))
+            rings.append(mesh.add_points(_tube_rings(p, members, angles, area)))
         rings.append(last[members][:, None])
         mesh.add_triangles(_bands(np.concatenate(rings, axis=1)), FaceRole.MEMBER, np.arange(n_m)[members])
+
+
+def _tube_rings(p: PreparedTruss, members: np.ndarray, angles: np.ndarray, area: float) -> np.ndarray:
+    """Points of the rings inside the tubes, (n, RINGS, segments, 3).
+
+    The frusta between rings would lose volume where a tube bulges: the squared radius g of a ring is raised by
+    (2 g - g_before - g_after) / 12, which makes the trapezoidal rule that the frusta stand for as exact as Simpson's.
+    """
+    t = np.linspace(0, 1, RINGS + 2)
+    tubes = p.tubes.some(members)
+    spine = tubes.spine_points(t[1:-1])[:, :, None]
+    ends = p.sizes.end_radius.reshape(-1, 2)[members]
+    radii = np.stack([ends[:, 0], p.sized.radii[members, 1], ends[:, 1]], axis=1)
+    square = member_radius(radii[:, None], t) ** 2
+    grown = np.sqrt(1 + (2 * square[:, 1:-1] - square[:, :-2] - square[:, 2:]) / (12 * square[:, 1:-1]))
+    return spine + (area * grown)[..., None, None] * (tubes.surface_points(angles, t[1:-1]) - spine)
 
 
 def _add_fillets(mesh, p, tube_ring, around, area) -> np.ndarray:
@@ -150,7 +168,8 @@ def _add_fillets(mesh, p, tube_ring, around, area) -> np.ndarray:
         return sphere_ring
     r, f, H = p.sizes.end_radius[e, None], p.sizes.fillet[e, None], p.sizes.reach[e, None]
     turned = np.linspace(0, 1, FILLET_BANDS + 1)[1:] * np.arctan2(H, r + f)
-    axial, radial = H - f * np.sin(turned), r + f - f * np.cos(turned)
+    ball = f * widened_arc(turned[:, -1:], FILLET_BANDS)
+    axial, radial = H - ball * np.sin(turned), r + f - ball * np.cos(turned)
     X, d = p.sized.truss.nodes[p.node_of_end[e]], p.directions[e]
     center = X[:, None] + axial[..., None] * d[:, None]
     rings = mesh.add_points(center[:, :, None] + area * radial[..., None, None] * around[e][:, None])

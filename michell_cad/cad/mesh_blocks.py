@@ -46,6 +46,16 @@ class Outline:
     loops: int
 
 
+def widened_arc(angle: np.ndarray, bands: int) -> np.ndarray:
+    """Factors on the radius of an arc at its 1st to last point, for a polygon with the area of the sector.
+
+    The last point stays on the arc, the others move out: `angle` (n, 1) is cut in `bands` steps.
+    """
+    step = angle / bands
+    factor = np.sqrt(step / np.sin(step))
+    return np.concatenate([np.repeat(factor, bands - 1, axis=1), np.ones_like(factor)], axis=1)
+
+
 def zip_rings(u_a: np.ndarray, a: np.ndarray, u_b: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Triangles between two rings that start at angle 0, given the angles of their vertices; a is the lower one."""
     triangles = []

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.cad.creases import Creases
-from michell_cad.cad.mesh_blocks import TURN, Blocks, Outline, mitre_area, zip_rings
+from michell_cad.cad.mesh_blocks import TURN, Blocks, Outline, mitre_area, widened_arc, zip_rings
+from michell_cad.cad.nodes import angles_between
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 
@@ -69,8 +70,8 @@ def _slerp(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
 def _add_arcs(mesh, p, c: Creases, touch, contact, bands: int) -> np.ndarray:
     """Vertices of the arcs at the corners, (n_a, bands + 1), both ends included."""
     inner = _slerp(c.arc_start, c.arc_stop, np.arange(1, bands) / bands)
-    f = p.sizes.fillet[c.arc_from]
-    ids = mesh.add_points(c.center[c.arc_corner, None] + f[:, None, None] * inner)
+    f = p.sizes.fillet[c.arc_from, None] * widened_arc(c.arc_angles[:, None], bands)[:, :-1]
+    ids = mesh.add_points(c.center[c.arc_corner, None] + f[..., None] * inner)
     last = contact[c.arc_corner]
     to_tube = np.flatnonzero(c.arc_to < c.sphere)
     last[to_tube] = touch[c.touch_at(c.arc_corner[to_tube], c.arc_to[to_tube])]
@@ -122,7 +123,10 @@ def _blend(p: PreparedTruss, c: Creases, pieces: np.ndarray, u: np.ndarray, area
     axis = p.directions[other, None]
     far_arm = ball - (ball * axis).sum(-1, keepdims=True) * axis
     target = -np.where(on_sphere, ball / (R + f), far_arm / (r + f))
-    points = ball[..., None, :] + f[..., None] * _slerp(-arm, target, np.arange(bands + 1) / bands)
+    angle = angles_between(-arm, target)
+    widened = widened_arc(angle.reshape(-1, 1), bands).reshape(*angle.shape, bands)
+    out = f[..., None] * np.concatenate([np.ones_like(widened[..., :1]), widened], axis=-1)[..., None]
+    points = ball[..., None, :] + out * _slerp(-arm, target, np.arange(bands + 1) / bands)
     points[:, :, 0] += ((area - 1) * r) * arm
     swollen = points[:, :, -1] + (area - 1) * r * far_arm / (r + f)
     points[:, :, -1] = np.where(on_sphere, points[:, :, -1], swollen)

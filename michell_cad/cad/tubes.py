@@ -8,10 +8,10 @@ is a rational quadratic around (nine poles, exact circles at the sections) and a
 both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are tangent.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from michell_cad.arrays import freeze
@@ -70,14 +70,17 @@ class Tubes:
         return np.einsum("tc,mcd->mtd", BSpline.design_matrix(t, KNOTS, 3).toarray(), self.spines)
 
     def surface_points(
-        self, angles: Float[np.ndarray, " i"], t: Float[np.ndarray, " j"], scale: float = 1.0
+        self, angles: Float[np.ndarray, " i"], t: Float[np.ndarray, " j"]
     ) -> Float[np.ndarray, "n_m j i 3"]:
-        """Points of the surfaces at the angles around and parameters along, widened by `scale` about the spine."""
+        """Points of the surfaces at the angles around and parameters along."""
         weighted = circle_basis(angles) * WEIGHTS
         weighted /= weighted.sum(1, keepdims=True)
         along = BSpline.design_matrix(t, KNOTS, 3).toarray()
-        points = np.einsum("ia,macd,jc->mjid", weighted, self.poles, along, optimize=True)
-        return points if scale == 1 else points + (scale - 1) * (points - self.spine_points(t)[:, :, None])
+        return weighted @ np.tensordot(along, self.poles, (1, 2)).transpose(1, 0, 2, 3)
+
+    def some(self, members: Int[np.ndarray, " k"]) -> "Tubes":
+        """Some of the tubes."""
+        return Tubes(*(getattr(self, field.name)[members] for field in fields(self)))
 
 
 def circle_basis(angles: Float[np.ndarray, " i"]) -> Float[np.ndarray, "i 9"]:
