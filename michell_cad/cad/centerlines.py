@@ -13,7 +13,7 @@ from michell_cad.arrays import freeze, require
 from michell_cad.splines import MemberSplines
 
 SAMPLES = 17
-"""Points per member: a cubic through four neighbours then errs by less than 2e-5 of the length of a quarter circle."""
+"""Points per member: a cubic through four neighbours then errs by less than 3e-6 of the length of a quarter circle."""
 
 
 @dataclass(frozen=True, eq=False)

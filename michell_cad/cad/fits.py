@@ -14,6 +14,7 @@ from scipy.interpolate import BSpline
 
 from michell_cad.arrays import freeze
 
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Interpolation by a spline of the given degree at the given places, with averaged knots (de Boor)."""
@@ -55,7 +56,7 @@ class Fitted:
     """Fitted curves: the number in `FITS` of each, the poles by fit (in the order of the curves), deviations in mm."""
 
     fit: Int[np.ndarray, " n"]
-    poles: list[Float[np.ndarray, "_ k 2"]]
+    poles: list[Float[np.ndarray, "_ _ 2"]]
     deviation: Float[np.ndarray, " n"]
 
 

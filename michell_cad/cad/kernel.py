@@ -44,7 +44,16 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
+from OCP.TopoDS import (
+    TopoDS,
+    TopoDS_Compound,
+    TopoDS_Edge,
+    TopoDS_Face,
+    TopoDS_Shell,
+    TopoDS_Solid,
+    TopoDS_Vertex,
+    TopoDS_Wire,
+)
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 from scipy.interpolate import make_interp_spline
 
@@ -213,9 +222,7 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
                 poles.SetValue(k, j, gp_Pnt(*point))
                 weights.SetValue(k, j, w)
         along = _knots(plan.strips.knots[i])
-        return Geom_BSplineSurface(
-            poles, weights, across[0], along[0], across[1], along[1], 2, plan.strips.degree
-        )
+        return Geom_BSplineSurface(poles, weights, across[0], along[0], across[1], along[1], 2, plan.strips.degree)
 
     def make(f: int) -> Any:
         form, i = forms[f], numbers[f]

@@ -70,7 +70,7 @@ class Layout:
     nudges: np.ndarray
     sizes: dict[str, np.ndarray]
     tubes: dict[str, np.ndarray]
-    seams: Seams
+    seams: dict[str, np.ndarray]
     mitres: dict[int, Mitre] = field(default_factory=dict)
     stale: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     unfit: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
@@ -98,6 +98,10 @@ class Layout:
     def node_sizes(self) -> NodeSizes:
         """The sizes as a value."""
         return NodeSizes(**self.sizes)
+
+    def all_seams(self) -> Seams:
+        """The seams as a value."""
+        return Seams(**self.seams)
 
     def all_tubes(self) -> Tubes:
         """The tubes as a value."""
@@ -375,9 +379,9 @@ def _place_unplaced(layout: Layout) -> set[int]:
                 for column, angles in enumerate(vertices[i]):
                     at[row, column] = np.resize(angles, v)
         found = place_seams(Caps(d[ends], a[ends], group, normals[ends], at))
-        for name in ("found", "axis", "zero", "latitudes", "cap", "angle"):
-            getattr(layout.seams, name)[some] = getattr(found, name)
-    without = nodes[~layout.seams.found[nodes]]
+        for name, column in layout.seams.items():
+            column[some] = getattr(found, name)
+    without = nodes[~layout.seams["found"][nodes]]
     layout.unplaced[nodes] = False
     layout.nudges[failed] += 1
     layout.growth[np.setdiff1d(without, failed)] *= GROWTH
@@ -455,9 +459,11 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
         new.sizes[name][ends_now[at]] = old.sizes[name][ends_was[at]]
     rival = old.sizes["rival"][ends_was[at]]
     new.sizes["rival"][ends_now[at]] = np.where(rival >= 0, place_of[rival], -1)
-    for name in ("found", "axis", "zero", "latitudes", "cap", "angle"):
-        getattr(new.seams, name)[chosen] = getattr(old.seams, name)[node_was[chosen]]
-    new.mitres = {int(i): old.mitres[j] for i, j in zip(chosen, node_was[chosen].tolist(), strict=True) if j in old.mitres}
+    for name, column in new.seams.items():
+        column[chosen] = old.seams[name][node_was[chosen]]
+    new.mitres = {
+        int(i): old.mitres[j] for i, j in zip(chosen, node_was[chosen].tolist(), strict=True) if j in old.mitres
+    }
     new.stale[chosen] = new.unplaced[chosen] = False
     if old.tubes:
         fit = ~old.unfit[was] & kept[sized.truss.members[now]].all(1)

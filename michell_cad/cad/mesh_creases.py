@@ -5,6 +5,7 @@ polygons of the tubes have.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -157,11 +158,11 @@ def _add_triangles(mesh, p, c: Creases, arcs: np.ndarray, bands: int) -> None:
         rows.append(np.concatenate([left[:, [i]], ids, right[:, [i]]], axis=1))
     rows.append(sides[1])
     triangles = []
-    for upper, lower in zip(rows[:-1], rows[1:], strict=True):
+    for upper, lower in pairwise(rows):
         n = upper.shape[1]
         triangles += [np.stack([upper[:, j], lower[:, j + 1], lower[:, j]], axis=1) for j in range(n)]
         triangles += [np.stack([upper[:, j], upper[:, j + 1], lower[:, j + 1]], axis=1) for j in range(n - 1)]
-    mesh.add_triangles(np.stack(triangles, axis=1), FaceRole.NODE, c.node[corner])
+    mesh.add_triangles(np.stack(triangles, axis=1), FaceRole.FILLET, c.arc_from[c.triangle_arcs[:, 0]])
 
 
 def _outlines(mesh: Blocks, p: PreparedTruss, c: Creases, lines: _Lines) -> dict[int, Outline]:

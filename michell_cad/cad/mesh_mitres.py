@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from michell_cad.cad.mesh_blocks import TURN, Blocks, Outline, mitre_area, zip_rings
+from michell_cad.cad.mesh_blocks import TURN, Outline, mitre_area, zip_rings
 from michell_cad.cad.mitres import SPHERE
-from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 
 

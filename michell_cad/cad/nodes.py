@@ -48,8 +48,8 @@ class Level:
 
 
 LARGEST_RATIO = 2.5
-"""Largest R / r: with the full fillet of 0.4 r enough for 60 degrees. A sphere of 2.5 r weighs as much as 21 r of member;
-members at more acute angles are creased, which takes less room and less material."""
+"""Largest R / r: with the full fillet of 0.4 r enough for 60 degrees. A sphere of 2.5 r weighs as much as 21 r of
+member; members at more acute angles are creased, which takes less room and less material."""
 
 
 def node_levels(node_ratio: float) -> tuple[Level, ...]:

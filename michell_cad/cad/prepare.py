@@ -27,8 +27,8 @@ from michell_cad.truss import SizedTruss, Truss
 MAX_ROUNDS = 60
 """Rounds of changes to the truss; each round removes members or shortens them, so there is an end."""
 
-DETOUR_ROUNDS = 10
-"""After this many rounds nodes are merged only: detours could follow each other in a circle, merges come to an end."""
+CROSSING_ROUNDS = 10
+"""After this many rounds members that cross stay as they are: leading them aside could go on in a circle."""
 
 SHORT = 2.5
 """A member shorter than this has its nodes merged, not its rivals rerouted (relative to the radius of its ends)."""
@@ -68,14 +68,13 @@ def prepare_truss(
     growth[list(shaken)] *= SHAKE
     layout = start_layout(current, knobs, growth)
     for round_number in range(MAX_ROUNDS):
-        may_detour = round_number < DETOUR_ROUNDS
         prepared, trouble = _lay_out(layout, changes)
         if prepared is not None:
-            merges, detours = resolve_crossings(prepared) if may_detour else ([], [])
+            merges, detours = resolve_crossings(prepared) if round_number < CROSSING_ROUNDS else ([], [])
             if not (merges or detours):
                 return prepared
         else:
-            merges, detours = _choose_changes(layout, trouble, may_detour)
+            merges, detours = _choose_changes(layout, trouble)
         simpler, number = simplify_truss(layout.sized, merges, detours)
         if not len(simpler.truss.members):
             break
@@ -99,42 +98,46 @@ def _lay_out(layout: Layout, changes: Changes) -> tuple[PreparedTruss | None, se
             return prepared, set()
 
 
-def _choose_changes(
-    layout: Layout, trouble: set[int], may_detour: bool
-) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Merges and detours for members in trouble, the shortest member first, each node at most once."""
+def _choose_changes(layout: Layout, trouble: set[int]) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Merges and detours for members in trouble, the shortest member first.
+
+    No node is in two merges or in a merge and a detour, and no member takes part in two detours.
+    """
     truss, sizes = layout.sized.truss, layout.node_sizes()
     merges: list[tuple[int, int]] = []
     detours: list[tuple[int, int]] = []
-    used: set[int] = set()
+    merged: set[int] = set()
+    led: set[int] = set()
+    rerouted: set[int] = set()
     for m in sorted(trouble, key=lambda m: (truss.lengths[m], m)):
-        kind, change = _change_for(m, truss, sizes, may_detour)
-        nodes = {int(i) for i in truss.members[m]}
-        nodes |= set(change) if kind == "merge" else {int(i) for i in truss.members[change[0]]} | {change[1]}
-        if nodes & used:
-            continue
-        used |= nodes
-        (merges if kind == "merge" else detours).append(change)
+        kind, change = _change_for(m, truss, sizes)
+        if kind == "merge" and not set(change) & (merged | led):
+            merged |= set(change)
+            merges.append(change)
+        elif kind == "detour":
+            nodes = {change[1], *truss.members[change[0]].tolist()}
+            if not nodes & merged and not {m, change[0]} & rerouted:
+                led |= nodes
+                rerouted |= {m, change[0]}
+                detours.append(change)
     return merges, detours
 
 
-def _change_for(m: int, truss: Truss, sizes: NodeSizes, may_detour: bool) -> tuple[str, tuple[int, int]]:
-    a, b = (int(i) for i in truss.members[m])
-    reach = sizes.reach.reshape(-1, 2)[m]
-    side = int(np.argmax(reach))
-    rival = int(sizes.rival[2 * m + side])
-    short = SHORT * sizes.end_radius[2 * m + side]
-    if not may_detour or rival < 0 or reach[side] < 0.4 * truss.lengths[m] or truss.lengths[m] < short:
-        return "merge", (a, b)
-    other = rival // 2
+def _change_for(m: int, truss: Truss, sizes: NodeSizes) -> tuple[str, tuple[int, int]]:
+    """The change for a member without room: a merge of two nodes, or a detour of a member through a node."""
+    reach, rival = sizes.reach.reshape(-1, 2)[m], sizes.rival.reshape(-1, 2)[m]
+    short = SHORT * sizes.end_radius[2 * m : 2 * m + 2].max()
+    if (rival < 0).all() or truss.lengths[m] < short:
+        return "merge", (int(truss.members[m, 0]), int(truss.members[m, 1]))
+    side = int(np.argmax(np.where(rival >= 0, reach, -np.inf)))
+    other = int(rival[side]) // 2
     near = int(truss.members[m, side])
     far, far_other = (int(pair[0] if pair[1] == near else pair[1]) for pair in truss.members[[m, other]])
     gap = np.linalg.norm(truss.nodes[far] - truss.nodes[far_other])
     if gap < CLOSE * min(truss.lengths[m], truss.lengths[other]):
         return "merge", (far, far_other)
-    if truss.lengths[other] >= truss.lengths[m]:
-        return "detour", (other, far)
-    return "detour", (m, far_other)
+    # The gap replaces the longer member: the members become shorter in all, so that there is an end.
+    return "detour", (other, far) if truss.lengths[other] >= truss.lengths[m] else (m, far_other)
 
 
 def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
@@ -161,7 +164,7 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
         sizes=sizes,
         tubes=layout.all_tubes(),
         mitres=mitres,
-        seams=layout.seams.rows(slice(None)),
+        seams=layout.all_seams(),
         changes=changes,
         growth=layout.growth.copy(),
         fallback_nodes={kind: int(mask.sum()) for kind, mask in counts.items() if mask.any()},
@@ -177,7 +180,9 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
 def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tuple[str, ...]:
     lines = []
     if sharp:
-        lines.append(f"{sharp} nodes have members at acute angles that meet in sharp edges, since no fillets are wanted")
+        lines.append(
+            f"{sharp} nodes have members at acute angles that meet in sharp edges, since no fillets are wanted"
+        )
     if changes.merged_nodes:
         lines.append(f"{changes.merged_nodes} nodes were merged with another: the members between them are too short")
     if changes.rerouted_members:

@@ -1,4 +1,4 @@
-"""Shell of filleted creases: cylinders at the start of the tubes, tori, strips and triangles of the ball, see `creases`."""
+"""Shell of filleted creases: the start of each tube, tori, strips and triangles of the ball, see `creases`."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -237,9 +237,7 @@ def _lay_cylinders(s, c, touch, bottom, strip_edges, pairs) -> None:
     foot = foot[np.argsort(c.end[foot])]
     height = np.einsum("nd,nd->n", c.touch[foot] - s.X[e], s.d[e])
     line = s.frames.add(len(e), origin=s.X[e] + s.r[e, None] * s.N[e], axis=s.d[e], zero=s.N[e], radii=(1, 1))
-    seam = s.add_edges(
-        CurveForm.LINE, line, np.stack([height, s.reach[e]], axis=1), np.stack([touch[foot], e], axis=1)
-    )
+    seam = s.add_edges(CurveForm.LINE, line, np.stack([height, s.reach[e]], axis=1), np.stack([touch[foot], e], axis=1))
     s.run_line(face, 10, seam, 0, (TURN, 0), (0, 1))
     s.run_line(face, 11, s.tube_edge[e], 1, np.stack([np.zeros(len(e)), s.reach[e]], axis=1), (1, 0))
     s.run_line(face, 12, seam, 1, (0, 0), (0, 1))
@@ -267,7 +265,13 @@ def _lay_triangles(s: ShellTables, c: Creases, across: np.ndarray) -> None:
     surface = s.frames.add(n, origin=c.center[corner], axis=axis, zero=zero, radii=np.stack([f, f], axis=1))
     node = c.node[corner]
     face = s.faces.add(
-        n, form=SurfaceForm.SPHERE, surface=surface, reversed_=1, role=FaceRole.NODE, owner=node, node=node
+        n,
+        form=SurfaceForm.SPHERE,
+        surface=surface,
+        reversed_=1,
+        role=FaceRole.FILLET,
+        owner=c.arc_from[some],
+        node=node,
     )
     sphere = np.stack([zero, np.cross(axis, zero), axis], axis=1)
     for k in range(3):

@@ -84,5 +84,3 @@ def _lay_creases(s: ShellTables, i: int) -> dict[tuple[int, int, int, int], tupl
         edge = s.add_edges(CurveForm.CONIC, frame, [t_range], [s.corners[i][[piece.first, piece.last]]])
         creases[_crease_key(piece)] = (edge, t_range)
     return creases
-
-

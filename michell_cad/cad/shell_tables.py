@@ -111,5 +111,3 @@ class Arcs:
 
     def of_end(self, e: int) -> np.ndarray:
         return self.order[self.bounds[e] : self.bounds[e + 1]]
-
-

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from michell_cad.arrays import freeze
 from michell_cad.cad.fits import FINE_ENOUGH, FITS, Fitted
 
 POLE_MARGIN = 0.12
@@ -20,6 +21,7 @@ SEAM_MARGIN = 0.02
 
 CUT_MARGIN = 0.02
 """Angle on a circle between the seam's crossing and the nearest vertex."""
+
 
 @dataclass(frozen=True, eq=False)
 class Seams:
@@ -42,15 +44,21 @@ class Seams:
     cap: Int[np.ndarray, "n 2"]
     angle: Float[np.ndarray, "n 2"]
 
-    def rows(self, k: np.ndarray) -> "Seams":
-        """Some of the seams."""
-        return Seams(*(getattr(self, f.name)[k] for f in fields(self)))
+    def __post_init__(self) -> None:
+        freeze(self, found=bool, axis=np.float64, zero=np.float64, latitudes=np.float64)
+        freeze(self, cap=np.int64, angle=np.float64)
 
 
-def no_seams(n: int) -> Seams:
-    """n spheres without seam."""
-    two = np.zeros((n, 2))
-    return Seams(np.zeros(n, bool), np.zeros((n, 3)), np.zeros((n, 3)), two, np.full((n, 2), -1), two.copy())
+def no_seams(n: int) -> dict[str, np.ndarray]:
+    """The columns of `Seams`, to be filled in, for n spheres without seam."""
+    return {
+        "found": np.zeros(n, bool),
+        "axis": np.zeros((n, 3)),
+        "zero": np.zeros((n, 3)),
+        "latitudes": np.zeros((n, 2)),
+        "cap": np.full((n, 2), -1),
+        "angle": np.zeros((n, 2)),
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +86,11 @@ class Caps:
 
 def place_seams(caps: Caps) -> Seams:
     """Find an axis and a meridian for each sphere: first through the centre of a cap, then through caps off centre."""
-    seams = _place_on_axes(caps, -caps.directions)
-    failed = np.flatnonzero(~seams.found)
-    if len(failed):
-        some = caps.rows(failed)
-        tilted = _place_on_axes(some, _tilted(some))
-        for field in fields(seams):
-            getattr(seams, field.name)[failed] = getattr(tilted, field.name)
-    return seams
+    columns = no_seams(len(caps.directions))
+    _place_on_axes(caps, -caps.directions, columns)
+    if not columns["found"].all():
+        _place_on_axes(caps, _tilted(caps), columns)
+    return Seams(**columns)
 
 
 def _tilted(caps: Caps) -> np.ndarray:
@@ -97,23 +102,23 @@ def _tilted(caps: Caps) -> np.ndarray:
     return -(np.cos(tilt) * d + np.sin(tilt) * arms).reshape(len(d), -1, 3)
 
 
-def _place_on_axes(caps: Caps, axes: np.ndarray) -> Seams:
-    """Try the axes (n, j, 3) of each node, those with the widest gap between caps first."""
-    low, high = _widest_gaps(caps, axes)
+def _place_on_axes(caps: Caps, axes: np.ndarray, columns: dict[str, np.ndarray]) -> None:
+    """Enter seams for nodes that have none, on one of their axes (n, j, 3): those with wide gaps between caps first."""
+    rows = np.flatnonzero(~columns["found"])
+    low, high = _widest_gaps(caps.rows(rows), axes[rows])
     width = np.where(high - low > 2 * SEAM_MARGIN, high - low, -1.0)
     order = np.argsort(-width, axis=1, kind="stable")
-    seams = no_seams(len(axes))
+    at = np.arange(len(rows))
     for j in range(axes.shape[1]):
-        rows = np.flatnonzero(~seams.found)
-        at = order[rows, j]
-        possible = width[rows, at] > 0
-        rows, at = rows[possible], at[possible]
-        if not len(rows):
+        at = at[width[at, order[at, j]] > 0]
+        if not len(at):
             break
-        found = _try_meridians(caps.rows(rows), axes[rows, at], low[rows, at], high[rows, at])
-        for field in fields(seams):
-            getattr(seams, field.name)[rows] = getattr(found, field.name)
-    return seams
+        k = order[at, j]
+        found = _try_meridians(caps.rows(rows[at]), axes[rows[at], k], low[at, k], high[at, k])
+        good = np.flatnonzero(found.found)
+        for name, column in columns.items():
+            column[rows[at[good]]] = getattr(found, name)[good]
+        at = at[~found.found]
 
 
 def _bases(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
