@@ -5,7 +5,7 @@ What has no place in its `layout` is in trouble. Then the truss itself is change
 * two near-parallel members that part farther out than the shorter one is long: the longer one is led through the far
   node of the shorter one, or the two far nodes are merged if they are close;
 * otherwise the two nodes of a member without room are merged;
-* of two members that cross, one is led through the near end of the other.
+* of two members that cross, one is led through the near end of the other, or both get a common node.
 
 What the change did not touch keeps its layout.
 """
@@ -28,7 +28,7 @@ MAX_ROUNDS = 60
 """Rounds of changes to the truss; each round removes members or shortens them, so there is an end."""
 
 CROSSING_ROUNDS = 10
-"""After this many rounds members that cross stay as they are: leading them aside could go on in a circle."""
+"""So often members that cross are led aside; then they stay as they are, since this could go on in a circle."""
 
 SHORT = 2.5
 """A member shorter than this has its nodes merged, not its rivals rerouted (relative to the radius of its ends)."""
@@ -63,23 +63,27 @@ def prepare_truss(
     """
     current = sized if previous is None else previous.sized
     n_n = len(current.truss.nodes)
-    changes = Changes(np.zeros(n_n, bool), 0, 0, len(sized.truss.members)) if previous is None else previous.changes
+    changes = Changes(np.zeros(n_n, bool), 0, 0, 0, len(sized.truss.members)) if previous is None else previous.changes
     growth = np.ones(n_n) if previous is None else np.array(previous.growth)
     growth[list(shaken)] *= SHAKE
     layout = start_layout(current, knobs, growth)
+    crossing_rounds = 0
     for round_number in range(MAX_ROUNDS):
         prepared, trouble = _lay_out(layout, changes)
         if prepared is not None:
-            merges, detours = resolve_crossings(prepared) if round_number < CROSSING_ROUNDS else ([], [])
-            if not (merges or detours):
+            merges = []
+            crossing_rounds += 1
+            detours, joints = resolve_crossings(prepared) if crossing_rounds <= CROSSING_ROUNDS else ([], [])
+            if not (detours or joints):
                 return prepared
         else:
             merges, detours = _choose_changes(layout, trouble)
-        simpler, number = simplify_truss(layout.sized, merges, detours)
+            joints = []
+        simpler, number = simplify_truss(layout.sized, merges, detours, joints)
         if not len(simpler.truss.members):
             break
-        changes = changes.after(merges, detours, number, len(simpler.truss.nodes))
-        layout = carry_over(layout, simpler, number)
+        changes = changes.after(merges, detours, len(joints), number, len(simpler.truss.nodes))
+        layout = carry_over(layout, simpler, number[: len(layout.level)])
         if progress is not None:
             progress((round_number + 1) / MAX_ROUNDS)
     raise GeometryKernelError(_explain_failure(sized, knobs))
@@ -189,9 +193,11 @@ def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tupl
         lines.append(
             f"{changes.rerouted_members} members were led through a node beside them, since they overlap another member"
         )
+    if changes.joints:
+        lines.append(f"{changes.joints} nodes were added where members cross")
     removed = changes.original_members - len(layout.sized.truss.members)
     if removed:
-        lines.append(f"the solid has {removed} members fewer than the truss")
+        lines.append(f"the solid has {abs(removed)} members {'fewer' if removed > 0 else 'more'} than the truss")
     if turned:
         lines.append(
             f"{turned} ends of members leave their node along the chord, not the curve, to keep clear of another member"

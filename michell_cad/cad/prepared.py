@@ -29,6 +29,7 @@ class Changes:
     touched: Bool[np.ndarray, " n_n"]
     merged_nodes: int
     rerouted_members: int
+    joints: int
     original_members: int
 
     def __post_init__(self) -> None:
@@ -38,16 +39,17 @@ class Changes:
         self,
         merges: Sequence[tuple[int, int]],
         detours: Sequence[tuple[int, int]],
-        number: Int[np.ndarray, " n_n"],
+        joints: int,
+        number: Int[np.ndarray, " n"],
         n_nodes: int,
     ) -> "Changes":
         """The changes after a further `simplify_truss` with these arguments, which gave the nodes new numbers."""
-        hit = np.array(self.touched)
+        hit = np.r_[self.touched, np.ones(joints, bool)]
         hit[[i for pair in merges for i in pair] + [j for _, j in detours]] = True
         touched = np.zeros(n_nodes, bool)
         touched[number[hit & (number >= 0)]] = True
         merged, rerouted = self.merged_nodes + len(merges), self.rerouted_members + len(detours)
-        return Changes(touched, merged, rerouted, self.original_members)
+        return Changes(touched, merged, rerouted, self.joints + joints, self.original_members)
 
 
 @dataclass(frozen=True, eq=False)
