@@ -144,9 +144,10 @@ def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.nda
 def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[Joint]]:
     """Detours and joints, as `simplify_truss` takes them, after which crossing members share a node.
 
-    If an end of one of two crossing members lies within `BESIDE` of their radii of the other, or its sphere touches it, the other is led through
-    it. Else both get a new node where they cross, on the curve that is bound to a feature or to the surface if one is,
-    unless it would be nearer than `JOINT_ROOM` to one of their ends: such a pair stays as it is.
+    If an end of one of two crossing members lies within `BESIDE` of their radii of the other, or its sphere touches it,
+    the other is led through it. Else both get a new node where they cross, on the curve that is bound to a feature or
+    to the surface if one is, unless it would be nearer than `JOINT_ROOM` to one of their ends: such a pair stays as it
+    is.
     """
     truss, crossings = prepared.sized.truss, crossing_tubes(prepared)
     radius = prepared.tubes.radii.max(1)

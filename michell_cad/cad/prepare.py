@@ -24,7 +24,7 @@ from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss, Truss
 
-MAX_ROUNDS = 60
+MAX_ROUNDS = 200
 """Rounds of changes to the truss; each round removes members or shortens them, so there is an end."""
 
 CROSSING_ROUNDS = 10
@@ -35,6 +35,9 @@ SHORT = 2.5
 
 SHAKE = 1.06
 """Spheres of nodes that the kernel finds faulty grow by this factor (relative)."""
+
+WIDE = 0.75
+"""Members are rerouted only if their far ends are nearer than this (relative to the longer one; at 44 degrees)."""
 
 CLOSE = 0.35
 """Far ends of near-parallel members are merged if nearer than this (relative to the shorter member)."""
@@ -140,6 +143,8 @@ def _change_for(m: int, truss: Truss, sizes: NodeSizes) -> tuple[str, tuple[int,
     gap = np.linalg.norm(truss.nodes[far] - truss.nodes[far_other])
     if gap < CLOSE * min(truss.lengths[m], truss.lengths[other]):
         return "merge", (far, far_other)
+    if gap > WIDE * max(truss.lengths[m], truss.lengths[other]):
+        return "merge", (int(truss.members[m, 0]), int(truss.members[m, 1]))
     # The gap replaces the longer member: the members become shorter in all, so that there is an end.
     return "detour", (other, far) if truss.lengths[other] >= truss.lengths[m] else (m, far_other)
 

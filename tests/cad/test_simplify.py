@@ -60,8 +60,8 @@ def test_detour_leads_a_member_through_a_node() -> None:
     sized, _ = simplify_truss(fork, [], [(member, 1)])
     assert sized.truss.members.tolist() == [[0, 1], [1, 2]]
     assert [curve.nodes.tolist() for curve in sized.truss.curves] == [[0, 1], [0, 1, 2]]
-    # The rest of the member takes its radii, the shared part keeps its own.
-    assert sized.radii.tolist() == [[1, 2, 3], [1, 2, 3]]
+    # The rest of the member takes its radii from the middle on, the shared part keeps its own.
+    assert sized.radii.tolist() == [[1, 2, 3], [2, 2.5, 3]]
 
 
 def test_steps_to_and_fro_vanish() -> None:

@@ -133,9 +133,8 @@ def test_three_members_enclosing_a_piece_of_sphere(fillet) -> None:
     t = np.arange(3) * 2 * np.pi / 3
     a = np.arcsin(np.sin(np.radians(20.0)) / np.sin(np.radians(60.0)))  # 40 degrees from one to the next
     cone = np.stack([np.sin(a) * np.cos(t), np.sin(a) * np.sin(t), np.full(3, np.cos(a))], axis=1)
-    solid = build_solid(
-        star(cone), Knobs(node_ratio=(1 + fillet) / np.sin(np.radians(22.2)) - fillet, fillet_ratio=fillet)
-    )
+    ratio = (1 + fillet) / np.sin(np.radians(22.2)) - fillet
+    solid = build_solid(star(cone), Knobs(node_ratio=ratio, fillet_ratio=fillet))
     assert (solid.face_owner[solid.face_role == FaceRole.NODE] == 0).sum() == 2
     assert solid.report.genus == 0
 
