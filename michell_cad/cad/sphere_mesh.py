@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
-SPACING = 0.24
+SPACING = 0.32
 """Angle between points inside the face, radians."""
 
 CLEARANCE = 0.6

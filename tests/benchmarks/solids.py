@@ -103,8 +103,9 @@ def compare(side: int) -> None:
     checked, solid = timed(lambda: build_solid(truss, knobs))
     report = solid.report  # type: ignore[attr-defined]
     print(f"{n} struts: direct shell {build:.2f} s, with checks {checked:.2f} s, {report.volume_mm3:.6g} mm^3")
-    filleted, _ = timed(lambda: build_solid(truss, Knobs()))
-    print(f"  direct shell with fillets and checks {filleted:.2f} s")
+    filleted, solid = timed(lambda: build_solid(truss, Knobs()))
+    volume = solid.report.volume_mm3  # type: ignore[attr-defined]
+    print(f"  direct shell with fillets and checks {filleted:.2f} s, {volume:.6g} mm^3")
     X, M = truss.truss.nodes, truss.truss.members
     R = 1.8 * RADIUS
     for name, work in (("CadQuery fuse", cadquery_fuse), ("build123d fuse", build123d_fuse), ("manifold3d", manifold)):
@@ -160,7 +161,7 @@ def try_fillet(shape) -> str:
         result = shape.fillet(0.4 * RADIUS, shape.Edges())
     except Exception as error:  # noqa: BLE001 - the kernel's own exceptions have no common base
         return f"failed: {error}"
-    return f"valid {result.isValid()}"
+    return f"valid {result.isValid()}, {result.Volume():.6g} mm^3"
 
 
 if __name__ == "__main__":
