@@ -14,8 +14,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from michell_cad.cad.carry import carry_over
 from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
-from michell_cad.cad.layout import Layout, carry_over, lower_levels, place, settle, start_layout
+from michell_cad.cad.layout import Layout, lower_levels, place, settle, start_layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes
 from michell_cad.cad.prepared import Changes, PreparedTruss

@@ -257,7 +257,7 @@ def _report(
             f"the solid has {volume:.6g} mm^3, its direct mesh {mesh.volume:.6g} mm^3: "
             f"a difference of {difference:.2%} instead of at most {LARGEST_VOLUME_DIFFERENCE:.2%}; use a smaller radius"
         )
-    crossings = crossing_tubes(prepared)
+    crossings, deviation = crossing_tubes(prepared), curve_deviation(prepared)
     plain = np.ones(len(truss.nodes), bool)
     plain[prepared.node_of_end[sizes.fillet <= 0]] = False
     return SolidReport(
@@ -279,8 +279,8 @@ def _report(
         straightened_members=prepared.straightened_members,
         merged_members=prepared.changes.original_members - len(truss.members),
         crossings=len(crossings.depth),
-        curve_deviation_mm=float(curve_deviation(prepared).max()),
-        messages=prepared.messages + _warn_crossings(prepared, crossings),
+        curve_deviation_mm=float(deviation.max()),
+        messages=prepared.messages + _tell_deviations(prepared, deviation) + _warn_crossings(prepared, crossings),
     )
 
 
@@ -305,6 +305,19 @@ def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
             away = np.minimum(away, np.linalg.norm(spine[:, k] - a - t[:, None] * edge, axis=1))
         worst = np.maximum(worst, away)
     return worst
+
+
+def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[str, ...]:
+    truss = prepared.sized.truss
+    far = np.flatnonzero(deviation > prepared.tubes.radii.min(1))
+    if not len(far):
+        return ()
+    worst = far[np.argmax(deviation[far])]
+    name = truss.curves[truss.curve_of_member[worst]].name
+    return (
+        f"{len(far)} of {len(deviation)} members run farther than their radius from their design curve, "
+        f"at most {deviation[worst]:.3g} mm, on {name}",
+    )
 
 
 def _warn_crossings(prepared: PreparedTruss, crossings: Crossings) -> tuple[str, ...]:
