@@ -47,12 +47,14 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
         int(i): old.mitres[j] for i, j in zip(chosen, node_was[chosen].tolist(), strict=True) if j in old.mitres
     }
     new.stale[chosen] = new.unplaced[chosen] = False
-    if old.tubes:
-        fit = ~old.unfit[was] & kept[sized.truss.members[now]].all(1)
-        for name, values in old.tubes.items():
-            new.tubes[name] = np.zeros((len(new.unfit), *values.shape[1:]), values.dtype)
-            new.tubes[name][now[fit]] = values[was[fit]]
-        new.unfit[now[fit]] = False
+    fit = ~old.unfit[was] & kept[sized.truss.members[now]].all(1)
+    for name, column in new.tubes.items():
+        if isinstance(column, list):
+            for m, i in zip(now[fit].tolist(), was[fit].tolist(), strict=True):
+                column[m] = old.tubes[name][i]
+        else:
+            column[now[fit]] = old.tubes[name][was[fit]]
+    new.unfit[now[fit]] = False
     return new
 
 

@@ -128,17 +128,15 @@ def crossing_spheres(
 def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Member, centre and radius of balls along all tubes."""
     tubes = prepared.tubes
-    fine = np.linspace(0, 1, 33)
+    fine = np.linspace(0, 1, max(33, 4 * int(tubes.sections.max()) + 1))
     spine = tubes.spine_points(fine)
     lengths = np.linalg.norm(np.diff(spine, axis=1), axis=2).sum(1)
-    owner, t = _place_balls(lengths, tubes.radii.max(1))
+    owner, t = _place_balls(lengths, tubes.radius_range[1])
     x = t * (len(fine) - 1)
     low = np.minimum(x.astype(int), len(fine) - 2)
     w = (x - low)[:, None]
     points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
-    ends = prepared.sizes.end_radius.reshape(-1, 2)
-    radii = np.stack([ends[:, 0], prepared.sized.radii[:, 1], ends[:, 1]], axis=1)
-    return owner, points, member_radius(radii[owner], t)
+    return owner, points, member_radius(tubes.radii[owner], t)
 
 
 def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[Joint]]:
@@ -150,7 +148,7 @@ def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], l
     is.
     """
     truss, crossings = prepared.sized.truss, crossing_tubes(prepared)
-    radius = prepared.tubes.radii.max(1)
+    radius = prepared.tubes.radius_range[1]
     detours: list[tuple[int, int]] = []
     joints: list[Joint] = []
     used: set[int] = set()

@@ -59,7 +59,7 @@ from scipy.interpolate import make_interp_spline
 
 from michell_cad.cad.fits import FITS
 from michell_cad.cad.shell_plan import CurveForm, PcurveForm, ShellPlan, SurfaceForm
-from michell_cad.cad.tubes import AROUND_KNOTS, KNOTS, WEIGHTS, circle_parameter
+from michell_cad.cad.tubes import AROUND_KNOTS, SECTION_COUNTS, WEIGHTS, circle_parameter, tube_knots
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 
 Progress = Callable[[float], None]
@@ -175,17 +175,17 @@ def _placer(plan: ShellPlan, kind: Any) -> Callable[[int], Any]:
 def _curve_maker(plan: ShellPlan) -> Callable[[int, int], Any]:
     place = _placer(plan, gp_Ax2)
     radii, origins, axes = plan.frames.radii.tolist(), plan.frames.origins.tolist(), plan.frames.axes.tolist()
-    seams = plan.tube_poles[:, 0].tolist()
-    knots, mults = _knots(KNOTS)
+    along = {count + 2: _knots(tube_knots(count)) for count in SECTION_COUNTS}
 
     def make(form: int, i: int) -> Any:
         if form == CurveForm.LINE:
             return Geom_Line(gp_Pnt(*origins[i]), gp_Dir(*axes[i]))
         if form == CurveForm.TUBE_SEAM:
-            poles = TColgp_Array1OfPnt(1, len(seams[i]))
-            for k, point in enumerate(seams[i], 1):
+            seam = plan.tube_poles[i][0].tolist()
+            poles = TColgp_Array1OfPnt(1, len(seam))
+            for k, point in enumerate(seam, 1):
                 poles.SetValue(k, gp_Pnt(*point))
-            return Geom_BSplineCurve(poles, knots, mults, 3)
+            return Geom_BSplineCurve(poles, *along[len(seam)], 3)
         first, second = radii[i]
         return Geom_Circle(place(i), first) if first == second else Geom_Ellipse(place(i), first, second)
 
@@ -196,19 +196,17 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
     place = _placer(plan, gp_Ax3)
     radii = plan.frames.radii.tolist()
     forms, numbers = plan.faces.form.tolist(), plan.faces.surface.tolist()
-    around, along = _knots(AROUND_KNOTS), _knots(KNOTS)
-    columns = plan.tube_poles.shape[2]
-    weights = TColStd_Array2OfReal(1, len(WEIGHTS), 1, columns)
-    for i, weight in enumerate(WEIGHTS.tolist(), 1):
-        for j in range(1, columns + 1):
-            weights.SetValue(i, j, weight)
+    around = _knots(AROUND_KNOTS)
+    along = {count + 2: (_tube_weights(count + 2), _knots(tube_knots(count))) for count in SECTION_COUNTS}
 
     def tube(m: int) -> Any:
-        poles = TColgp_Array2OfPnt(1, len(WEIGHTS), 1, columns)
-        for i, row in enumerate(plan.tube_poles[m].tolist(), 1):
+        rows = plan.tube_poles[m].tolist()
+        poles = TColgp_Array2OfPnt(1, len(WEIGHTS), 1, len(rows[0]))
+        weights, (knots, mults) = along[len(rows[0])]
+        for i, row in enumerate(rows, 1):
             for j, point in enumerate(row, 1):
                 poles.SetValue(i, j, gp_Pnt(*point))
-        return Geom_BSplineSurface(poles, weights, around[0], along[0], around[1], along[1], 2, 3)
+        return Geom_BSplineSurface(poles, weights, around[0], knots, around[1], mults, 2, 3)
 
     across = _knots(np.repeat([0.0, 1.0], 3))
 
@@ -221,8 +219,8 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
             for k, (point, w) in enumerate(zip(column, (1.0, weight, 1.0), strict=True), 1):
                 poles.SetValue(k, j, gp_Pnt(*point))
                 weights.SetValue(k, j, w)
-        along = _knots(plan.strips.knots[i])
-        return Geom_BSplineSurface(poles, weights, across[0], along[0], across[1], along[1], 2, plan.strips.degree)
+        knots, mults = _knots(plan.strips.knots[i])
+        return Geom_BSplineSurface(poles, weights, across[0], knots, across[1], mults, 2, plan.strips.degree)
 
     def make(f: int) -> Any:
         form, i = forms[f], numbers[f]
@@ -236,6 +234,14 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
         return kind(place(i), radii[i][0])
 
     return make
+
+
+def _tube_weights(columns: int) -> TColStd_Array2OfReal:
+    weights = TColStd_Array2OfReal(1, len(WEIGHTS), 1, columns)
+    for i, weight in enumerate(WEIGHTS.tolist(), 1):
+        for j in range(1, columns + 1):
+            weights.SetValue(i, j, weight)
+    return weights
 
 
 def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:

@@ -2,10 +2,10 @@
 
 What is tried changes a few nodes or members at a time, and only what they touch is computed again (`Layout.stale`):
 
-1. Two members whose curves leave a node at less than `ACUTE`, though their chords do not, leave along their chords: the
-   spines come back to the curves within the members.
+1. Two members whose curves leave a node at less than `ACUTE`, though their secants do not, leave along these: the
+   spines come back to the curves within the members. A secant runs to the far node, but not farther than `SECANT`.
 2. A member needs more room than its two nodes take: reach + reach + `SHORTEST_TUBE` r <= its chord. Where it has less,
-   its nodes take smaller spheres and fillets (`node_levels`); then it and its rivals leave along their chords.
+   its nodes take smaller spheres and fillets (`node_levels`); then it and its rivals leave along their secants.
 3. A tube that would bend more sharply than its radius becomes straight.
 4. Nodes without room for the seam of their sphere grow; creases in special position are turned a little; spheres that
    overlap other members take smaller levels.
@@ -14,6 +14,7 @@ What still has no place is in trouble: `prepare` then changes the truss.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,9 @@ SHORTEST_TUBE = 0.3
 
 ACUTE, WORTHWHILE = np.radians(45.0), np.radians(2.0)
 """Curves that enclose less than the first leave along their chords if that gains more than the second, radians."""
+
+SECANT = 1.25
+"""Longest secant (relative to the cell edge): the chord of a member of many cells tells nothing about its ends."""
 
 MAX_TRIES = 100
 """Tries to place all nodes of one truss; each try takes one level, one nudge or one growth at the nodes that failed."""
@@ -52,7 +56,7 @@ class Layout:
     """What is being tried for the nodes and members of one truss; arrays are changed in place.
 
     `design` are the design curves, `points` and `directions` those to be built. `chord` (n_e,) says whether an end
-    leaves along its chord, `straight` (n_m,) whether a member does not follow its curve at all. `level`, `growth`,
+    leaves along its secant, `straight` (n_m,) whether a member does not follow its curve at all. `level`, `growth`,
     `nudges` (n_n,) are the means tried at nodes. `stale` (n_n,) are nodes to be sized again, `unfit` (n_m,) tubes to be
     fitted again, `unplaced` (n_n,) nodes whose seams are to be placed again.
     """
@@ -69,7 +73,7 @@ class Layout:
     growth: np.ndarray
     nudges: np.ndarray
     sizes: dict[str, np.ndarray]
-    tubes: dict[str, np.ndarray]
+    tubes: dict[str, Any]
     seams: dict[str, np.ndarray]
     mitres: dict[int, Mitre] = field(default_factory=dict)
     stale: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
@@ -81,6 +85,7 @@ class Layout:
         n_n = len(self.sized.truss.nodes)
         self.order = np.argsort(self.node, kind="stable")
         self.bounds = np.searchsorted(self.node[self.order], np.arange(n_n + 1))
+        self.secants = _secants(self.design, SECANT * self.sized.truss.spacing)
         self.last = len(node_levels(self.knobs.node_ratio)) - 1
 
     def ends_of(self, i: int) -> np.ndarray:
@@ -143,7 +148,7 @@ def start_layout(
         np.ones(n_n) if growth is None else growth.copy(),
         zeros(n_n, int),
         sizes,
-        {},
+        _no_tubes(n_m),
         no_seams(n_n),
         stale=used,
         unfit=np.ones(n_m, bool),
@@ -153,8 +158,17 @@ def start_layout(
     return layout
 
 
+def _secants(lines: Centerlines, length: float) -> np.ndarray:
+    """Unit vectors from both ends of each member to its far end, or to where the curve is so long; (n_e, 3)."""
+    s = np.minimum(length / lines.lengths, 1.0)
+    far = lines.at(np.stack([s, 1 - s], axis=1))
+    away = far - lines.points[:, [0, -1]]
+    return (away / np.linalg.norm(away, axis=2, keepdims=True)).reshape(-1, 3)
+
+
 def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:
     """Centre lines, those of splines that a layout knows taken from there."""
+    samples = known.points.shape[1]
     _, was, now = np.intersect1d(_signatures(known.splines), _signatures(splines), return_indices=True)
     points, directions = (np.empty((len(splines.offsets) - 1, *x.shape[1:])) for x in (known.points, known.directions))
     points[now], directions[now] = known.design.points[was], known.design.directions[was]
@@ -162,7 +176,7 @@ def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:
     fresh[now] = False
     fresh = np.flatnonzero(fresh)
     if len(fresh):
-        sampled = sample_splines(splines.some(fresh))
+        sampled = sample_splines(splines.some(fresh), samples)
         points[fresh], directions[fresh] = sampled.points, sampled.directions
     return Centerlines(points, directions)
 
@@ -215,11 +229,9 @@ def leave_along_chords(layout: Layout, ends: np.ndarray) -> None:
 
 def _spread_acute(layout: Layout) -> None:
     first, second = end_pairs(layout.node)
-    truss = layout.sized.truss
-    chords = straight_centerlines(truss.nodes, truss.members).directions.reshape(-1, 3)
-    d = layout.design.directions.reshape(-1, 3)
+    d, secants = layout.design.directions.reshape(-1, 3), layout.secants
     curved = angles_between(d[first], d[second])
-    straight = angles_between(chords[first], chords[second])
+    straight = angles_between(secants[first], secants[second])
     gains = (curved < ACUTE) & (straight > curved + WORTHWHILE)
     layout.chord[first[gains]] = layout.chord[second[gains]] = True
 
@@ -227,10 +239,10 @@ def _spread_acute(layout: Layout) -> None:
 def _point_ends(layout: Layout, ends: np.ndarray) -> None:
     """Directions of some ends."""
     truss = layout.sized.truss
-    d = layout.design.directions.reshape(-1, 3)[ends].copy()
-    along = ends[layout.chord[ends]]
-    a, b = truss.nodes[layout.node[along]], truss.nodes[layout.node[along ^ 1]]
-    d[layout.chord[ends]] = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    d = np.where(layout.chord[ends, None], layout.secants[ends], layout.design.directions.reshape(-1, 3)[ends])
+    straight = layout.straight[ends // 2]
+    a, b = truss.nodes[layout.node[ends[straight]]], truss.nodes[layout.node[ends[straight] ^ 1]]
+    d[straight] = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
     nudges = layout.nudges[layout.node[ends]]
     k = np.flatnonzero(nudges)
     if len(k):
@@ -299,7 +311,8 @@ def _fit_unfit(layout: Layout) -> set[int]:
     if len(curved):
         layout.straight[curved] = True
         truss = layout.sized.truss
-        layout.points[curved] = straight_centerlines(truss.nodes, truss.members[curved]).points
+        chords = straight_centerlines(truss.nodes, truss.members[curved], layout.points.shape[1])
+        layout.points[curved] = chords.points
         leave_along_chords(layout, np.concatenate([2 * curved, 2 * curved + 1]))
     hopeless = np.setdiff1d(pinched, curved)
     if len(hopeless) and not lower_levels(layout, layout.sized.truss.members[hopeless]):
@@ -318,12 +331,25 @@ def _fit(layout: Layout, members: np.ndarray, phase: np.ndarray) -> Tubes:
     lines = Centerlines(layout.points[members], layout.directions[members])
     reach = layout.sizes["reach"].reshape(-1, 2)[members]
     tubes = fit_tubes(lines, sized.truss.nodes[sized.truss.members[members]], reach, radii, phase)
-    for name in ("spines", "poles", "frames", "radii", "straight"):
-        values = getattr(tubes, name)
-        if name not in layout.tubes:
-            layout.tubes[name] = np.zeros((len(layout.unfit), *values.shape[1:]), values.dtype)
-        layout.tubes[name][members] = values
+    for name, column in layout.tubes.items():
+        if isinstance(column, list):
+            for m, values in zip(members.tolist(), getattr(tubes, name), strict=True):
+                column[m] = values
+        else:
+            column[members] = getattr(tubes, name)
     return tubes
+
+
+def _no_tubes(n: int) -> dict[str, Any]:
+    """The columns of `Tubes`, to be filled in."""
+    return {
+        "sections": np.zeros(n, int),
+        "spines": [np.zeros((0, 3))] * n,
+        "poles": [np.zeros((0, 3))] * n,
+        "end_normals": np.zeros((n, 2, 3)),
+        "radii": np.zeros((n, 3)),
+        "straight": np.zeros(n, bool),
+    }
 
 
 def _offsets(layout: Layout, i: int, creased: np.ndarray) -> tuple[float, float]:
@@ -338,7 +364,7 @@ def _turn_seams(layout: Layout, members: np.ndarray) -> None:
     chosen[members] = True
     ends = np.flatnonzero(layout.sizes["creased"] & np.repeat(chosen, 2))
     d = layout.directions.reshape(-1, 3)
-    normals = layout.tubes["frames"][:, [0, -1], 0].reshape(-1, 3)
+    normals = layout.tubes["end_normals"].reshape(-1, 3)
     clear: dict[int, np.ndarray] = {}
     for i in np.unique(layout.node[ends]).tolist():
         creased = layout.ends_of(i)
@@ -363,7 +389,7 @@ def _place_unplaced(layout: Layout) -> set[int]:
     creased, groups, vertices = _cut_creases(layout, nodes)
     failed = [i for i in nodes.tolist() if i in creased and i not in layout.mitres]
     d = layout.directions.reshape(-1, 3)
-    normals = layout.tubes["frames"][:, [0, -1], 0].reshape(-1, 3)
+    normals = layout.tubes["end_normals"].reshape(-1, 3)
     sizes = layout.sizes
     a = cap_angle(sizes["radius"][layout.node], sizes["end_radius"], sizes["fillet"])
     valence = layout.bounds[nodes + 1] - layout.bounds[nodes]
@@ -394,7 +420,7 @@ def _place_unplaced(layout: Layout) -> set[int]:
 def _cut_creases(layout: Layout, nodes: np.ndarray):
     """Mitres of the creased ones among the nodes; for these nodes, which caps overlap and the vertices on circles."""
     d = layout.directions.reshape(-1, 3)
-    normals = layout.tubes["frames"][:, [0, -1], 0].reshape(-1, 3)
+    normals = layout.tubes["end_normals"].reshape(-1, 3)
     has_crease = np.zeros(len(layout.level), bool)
     has_crease[layout.node[layout.sizes["creased"]]] = True
     groups: dict[int, np.ndarray] = {}

@@ -17,15 +17,11 @@ from michell_cad.cad.mesh_mitres import add_mitre
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.sphere_mesh import match_volume, triangulate_sphere
-from michell_cad.truss import member_radius
 
 SEGMENTS = 16
 """Sides of the polygons."""
 
 FEWEST_SEGMENTS = 8
-
-RINGS = 7
-"""Rings of points on a curved tube between its ends."""
 
 FILLET_BANDS = 3
 """Bands of triangles on a fillet."""
@@ -133,29 +129,26 @@ def _bands(rings: np.ndarray) -> np.ndarray:
 def _add_tubes(mesh: Blocks, p: PreparedTruss, tube_ring: np.ndarray, angles: np.ndarray, area: float) -> None:
     n_m = len(p.tubes.straight)
     last = np.roll(tube_ring[1::2][:, ::-1], 1, axis=1)
-    for straight in (False, True):
-        members = np.flatnonzero(p.tubes.straight == straight)
-        if not len(members):
-            continue
+    counts = np.where(p.tubes.straight, 0, 2 * p.tubes.sections - 3)
+    for count in np.unique(counts).tolist():
+        members = np.flatnonzero(counts == count)
         rings = [tube_ring[2 * members][:, None]]
-        if not straight:
-            rings.append(mesh.add_points(_tube_rings(p, members, angles, area)))
+        if count:
+            rings.append(mesh.add_points(_tube_rings(p, members, count, angles, area)))
         rings.append(last[members][:, None])
         mesh.add_triangles(_bands(np.concatenate(rings, axis=1)), FaceRole.MEMBER, np.arange(n_m)[members])
 
 
-def _tube_rings(p: PreparedTruss, members: np.ndarray, angles: np.ndarray, area: float) -> np.ndarray:
-    """Points of the rings inside the tubes, (n, RINGS, segments, 3).
+def _tube_rings(p: PreparedTruss, members: np.ndarray, count: int, angles: np.ndarray, area: float) -> np.ndarray:
+    """Points of the rings inside the tubes, (n, count, segments, 3).
 
     The frusta between rings would lose volume where a tube bulges: the squared radius g of a ring is raised by
     (2 g - g_before - g_after) / 12, which makes the trapezoidal rule that the frusta stand for as exact as Simpson's.
     """
-    t = np.linspace(0, 1, RINGS + 2)
+    t = np.linspace(0, 1, count + 2)
     tubes = p.tubes.some(members)
     spine = tubes.spine_points(t[1:-1])[:, :, None]
-    ends = p.sizes.end_radius.reshape(-1, 2)[members]
-    radii = np.stack([ends[:, 0], p.sized.radii[members, 1], ends[:, 1]], axis=1)
-    square = member_radius(radii[:, None], t) ** 2
+    square = tubes.radii_at(t) ** 2
     grown = np.sqrt(1 + (2 * square[:, 1:-1] - square[:, :-2] - square[:, 2:]) / (12 * square[:, 1:-1]))
     return spine + (area * grown)[..., None, None] * (tubes.surface_points(angles, t[1:-1]) - spine)
 

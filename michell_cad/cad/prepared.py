@@ -106,7 +106,7 @@ class PreparedTruss:
     @cached_property
     def normals(self) -> Float[np.ndarray, "n_e 3"]:
         """Unit vectors to angle 0 of the circles at the ends; angles count about the direction."""
-        return self.tubes.frames[:, [0, -1], 0].reshape(-1, 3)
+        return self.tubes.end_normals.reshape(-1, 3)
 
     @cached_property
     def caps(self) -> Float[np.ndarray, " n_e"]:

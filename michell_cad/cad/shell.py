@@ -318,7 +318,7 @@ def _finish(s: ShellTables) -> ShellPlan:
         pcurve_lines=np.stack([s.lines["origin"], s.lines["direction"]], axis=1),
         pcurve_poles=tuple(np.concatenate(poles) for poles in s.poles),
         strips=s.strips,
-        tube_poles=s.p.tubes.poles,
+        tube_poles=tuple(s.p.tubes.poles),
         tolerance=s.tolerance,
         components=int(s.p.component.max()) + 1,
     )

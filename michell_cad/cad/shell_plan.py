@@ -141,7 +141,7 @@ class ShellPlan:
     """The tables of one truss.
 
     `pcurve_lines` holds origin and direction, (n, 2, 2); `pcurve_poles` the poles of fitted pcurves, by fit;
-    `tube_poles` the poles of the tubes; `tolerance` (mm) that of faces and vertices.
+    `tube_poles` the poles of each tube (9, k + 2, 3); `tolerance` (mm) that of faces and vertices.
     """
 
     points: Float[np.ndarray, "n_p 3"]
@@ -152,9 +152,9 @@ class ShellPlan:
     pcurve_lines: Float[np.ndarray, "n_l 2 2"]
     pcurve_poles: tuple[Float[np.ndarray, "_ _ 2"], ...]
     strips: Strips
-    tube_poles: Float[np.ndarray, "n_m 9 c 3"]
+    tube_poles: tuple[np.ndarray, ...]
     tolerance: float
     components: int
 
     def __post_init__(self) -> None:
-        freeze(self, points=np.float64, pcurve_lines=np.float64, tube_poles=np.float64)
+        freeze(self, points=np.float64, pcurve_lines=np.float64)

@@ -294,8 +294,8 @@ def mesh_bodies(mesh: TrussMesh) -> int:
 
 def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
     """Largest distance of each spine from the design curve, mm, by samples on both."""
-    spine = prepared.tubes.spine_points(np.linspace(0, 1, 9))
     design = prepared.design.points
+    spine = prepared.tubes.spine_points(np.linspace(0, 1, design.shape[1] // 2 + 1))
     worst = np.zeros(len(design))
     for k in range(spine.shape[1]):
         away = np.full(len(design), np.inf)
@@ -309,7 +309,7 @@ def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
 
 def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[str, ...]:
     truss = prepared.sized.truss
-    far = np.flatnonzero(deviation > prepared.tubes.radii.min(1))
+    far = np.flatnonzero(deviation > prepared.tubes.radius_range[0])
     if not len(far):
         return ()
     worst = far[np.argmax(deviation[far])]
