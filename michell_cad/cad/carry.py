@@ -21,7 +21,7 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     new = start_layout(sized, old.knobs, growth, known=old)
     was, now = _match_members(old, new, number)
     ends_was, ends_now = (np.stack([2 * m, 2 * m + 1], axis=1).ravel() for m in (was, now))
-    new.chord[ends_now] |= old.chord[ends_was]
+    new.turned[ends_now] |= old.turned[ends_was]
     new.straight[now] = old.straight[was]
     new.points[now], new.directions[now] = old.points[was], old.directions[was]
     # A node keeps everything if all its members do.
@@ -70,5 +70,5 @@ def _match_members(old: Layout, new: Layout, number: np.ndarray) -> tuple[np.nda
     same = (old.design.points[was] == new.design.points[after]).all((1, 2))
     same &= (old.design.directions[was] == new.design.directions[after]).all((1, 2))
     same &= (old.sized.radii[was] == new.sized.radii[after]).all(1)
-    same &= (old.chord.reshape(-1, 2)[was] >= new.chord.reshape(-1, 2)[after]).all(1)
+    same &= (old.turned.reshape(-1, 2)[was] >= new.turned.reshape(-1, 2)[after]).all(1)
     return was[same], after[same]

@@ -31,7 +31,7 @@ SHORTEST_TUBE = 0.3
 """Length of tube that must be left between two nodes (relative to the mean radius of its ends)."""
 
 ACUTE, WORTHWHILE = np.radians(45.0), np.radians(2.0)
-"""Curves that enclose less than the first leave along their chords if that gains more than the second, radians."""
+"""Curves that enclose less than the first leave along their secants if that gains more than the second, radians."""
 
 SECANT = 1.25
 """Longest secant (relative to the cell edge): the chord of a member of many cells tells nothing about its ends."""
@@ -55,7 +55,7 @@ PHASES = np.linspace(0, 2 * np.pi, 25)[:-1]
 class Layout:
     """What is being tried for the nodes and members of one truss; arrays are changed in place.
 
-    `design` are the design curves, `points` and `directions` those to be built. `chord` (n_e,) says whether an end
+    `design` are the design curves, `points` and `directions` those to be built. `turned` (n_e,) says whether an end
     leaves along its secant, `straight` (n_m,) whether a member does not follow its curve at all. `level`, `growth`,
     `nudges` (n_n,) are the means tried at nodes. `stale` (n_n,) are nodes to be sized again, `unfit` (n_m,) tubes to be
     fitted again, `unplaced` (n_n,) nodes whose seams are to be placed again.
@@ -67,7 +67,7 @@ class Layout:
     design: Centerlines
     points: np.ndarray
     directions: np.ndarray
-    chord: np.ndarray
+    turned: np.ndarray
     straight: np.ndarray
     level: np.ndarray
     growth: np.ndarray
@@ -204,8 +204,8 @@ def settle(layout: Layout) -> set[int]:
         stuck = tight[(layout.level[members[tight]] == layout.last).all(1) & ~layout.stale[members[tight]].any(1)]
         rivals = layout.sizes["rival"].reshape(-1, 2)[stuck]
         freed = np.union1d(stuck, rivals[rivals >= 0] // 2)
-        freed = freed[~layout.chord.reshape(-1, 2)[freed].all(1)]
-        leave_along_chords(layout, np.concatenate([2 * freed, 2 * freed + 1]))
+        freed = freed[~layout.turned.reshape(-1, 2)[freed].all(1)]
+        leave_along_secants(layout, np.concatenate([2 * freed, 2 * freed + 1]))
         # With other directions, the nodes may do with less drastic means.
         layout.level[members[freed]] = 0
         trouble.update(stuck[~layout.stale[members[stuck]].any(1)].tolist())
@@ -221,9 +221,9 @@ def lower_levels(layout: Layout, nodes: np.ndarray) -> int:
     return len(nodes)
 
 
-def leave_along_chords(layout: Layout, ends: np.ndarray) -> None:
-    """Let ends leave their nodes along the chords of their members."""
-    layout.chord[ends] = True
+def leave_along_secants(layout: Layout, ends: np.ndarray) -> None:
+    """Let ends leave their nodes along their secants."""
+    layout.turned[ends] = True
     layout.stale[layout.node[ends]] = True
 
 
@@ -233,13 +233,13 @@ def _spread_acute(layout: Layout) -> None:
     curved = angles_between(d[first], d[second])
     straight = angles_between(secants[first], secants[second])
     gains = (curved < ACUTE) & (straight > curved + WORTHWHILE)
-    layout.chord[first[gains]] = layout.chord[second[gains]] = True
+    layout.turned[first[gains]] = layout.turned[second[gains]] = True
 
 
 def _point_ends(layout: Layout, ends: np.ndarray) -> None:
     """Directions of some ends."""
     truss = layout.sized.truss
-    d = np.where(layout.chord[ends, None], layout.secants[ends], layout.design.directions.reshape(-1, 3)[ends])
+    d = np.where(layout.turned[ends, None], layout.secants[ends], layout.design.directions.reshape(-1, 3)[ends])
     straight = layout.straight[ends // 2]
     a, b = truss.nodes[layout.node[ends[straight]]], truss.nodes[layout.node[ends[straight] ^ 1]]
     d[straight] = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
@@ -313,7 +313,7 @@ def _fit_unfit(layout: Layout) -> set[int]:
         truss = layout.sized.truss
         chords = straight_centerlines(truss.nodes, truss.members[curved], layout.points.shape[1])
         layout.points[curved] = chords.points
-        leave_along_chords(layout, np.concatenate([2 * curved, 2 * curved + 1]))
+        leave_along_secants(layout, np.concatenate([2 * curved, 2 * curved + 1]))
     hopeless = np.setdiff1d(pinched, curved)
     if len(hopeless) and not lower_levels(layout, layout.sized.truss.members[hopeless]):
         return set(hopeless.tolist())

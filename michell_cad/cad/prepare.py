@@ -166,7 +166,7 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
     for i in sorted(layout.mitres):
         ends = layout.ends_of(i)
         mitres[i] = NodeMitre(ends[sizes.creased[ends]], layout.mitres[i])
-    turned = layout.chord & ~np.repeat(layout.straight, 2)
+    turned = layout.turned & ~np.repeat(layout.straight, 2)
     return PreparedTruss(
         sized=layout.sized,
         design=layout.design,
@@ -206,7 +206,7 @@ def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tupl
         lines.append(f"the solid has {abs(removed)} members {'fewer' if removed > 0 else 'more'} than the truss")
     if turned:
         lines.append(
-            f"{turned} ends of members leave their node along the chord, not the curve, to keep clear of another member"
+            f"{turned} ends of members leave their node along a secant of their curve, to keep clear of another member"
         )
     if layout.straight.any():
         lines.append(f"{int(layout.straight.sum())} members are straight: their radius is too large for their bend")

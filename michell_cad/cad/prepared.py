@@ -71,7 +71,7 @@ class PreparedTruss:
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
-    turned_ends : ends that leave their node along the chord of their member, not along the curve.
+    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
     straightened_members : members that do not follow their curve at all, since there is no room for the bend.
     messages : one sentence for every kind of change.
     """

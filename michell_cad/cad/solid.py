@@ -52,7 +52,7 @@ class SolidReport:
         members), and ``mitred`` (members at acute angles that meet in sharp edges, only where no fillets are wanted).
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
-    turned_ends : ends that leave their node along the chord of their member, not along the curve.
+    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
     straightened_members, merged_members : members that do not follow their curve; members gone.
     crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
     curve_deviation_mm : largest distance of a spine from its design curve.
