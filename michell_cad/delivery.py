@@ -113,7 +113,12 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
         "genus": r.genus,
         "expected_genus": r.expected_genus,
         "filleted_nodes": r.filleted_nodes,
+        "nodes": r.nodes,
+        "members": r.members,
+        "creased_nodes": r.creased_nodes,
         "fallback_nodes": dict(r.fallback_nodes),
+        "crossings": r.crossings,
+        "curve_deviation_mm": r.curve_deviation_mm,
     }
 
 

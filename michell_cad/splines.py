@@ -70,6 +70,14 @@ class MemberSplines:
             f"offsets must ascend from 0 to {len(P)}, with at least one piece for each member",
         )
 
+    def some(self, members: Int[np.ndarray, " k"]) -> "MemberSplines":
+        """The splines of some members."""
+        counts = np.diff(self.offsets)[members]
+        owner, local = expand(counts)
+        return MemberSplines(
+            self.control_points[self.offsets[members][owner] + local], np.concatenate([[0], np.cumsum(counts)])
+        )
+
     @cached_property
     def lengths(self) -> Float[np.ndarray, " n_m"]:
         """Arc lengths of the members, mm."""

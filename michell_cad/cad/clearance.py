@@ -12,8 +12,10 @@ from scipy.spatial import KDTree
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.simplify import Joint
 from michell_cad.splines import MemberSplines
 from michell_cad.truss import SizedTruss, member_radius
+from michell_cad.truss.draft import RANKS
 
 BALLS_PER_RADIUS = 2.0
 MOST_BALLS = 400
@@ -24,6 +26,9 @@ TOUCHING = 0.98
 
 BESIDE = 1.25
 """An end of a member lies beside another member if nearer than this (relative to the sum of their radii)."""
+
+JOINT_ROOM = 3.0
+"""Crossing members get a common node only so far from their ends (relative to the larger radius)."""
 
 AT_NODE = 1.3
 """Near a common node, members are compared only beyond this multiple of what the node takes of them (relative)."""
@@ -57,7 +62,7 @@ def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
     for n in np.unique(counts):
         rows = counts[owner] == n
         members = np.flatnonzero(counts == n)
-        points[rows] = MemberSplines(*_pieces(splines, members)).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
+        points[rows] = splines.some(members).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
     r = member_radius(sized.radii[owner], s)
     pair, depth = _overlaps(points, r)
     a, b = owner[pair].T
@@ -123,50 +128,61 @@ def crossing_spheres(
 def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Member, centre and radius of balls along all tubes."""
     tubes = prepared.tubes
-    fine = np.linspace(0, 1, 33)
+    fine = np.linspace(0, 1, max(33, 4 * int(tubes.sections.max()) + 1))
     spine = tubes.spine_points(fine)
     lengths = np.linalg.norm(np.diff(spine, axis=1), axis=2).sum(1)
-    owner, t = _place_balls(lengths, tubes.radii.max(1))
+    owner, t = _place_balls(lengths, tubes.radius_range[1])
     x = t * (len(fine) - 1)
     low = np.minimum(x.astype(int), len(fine) - 2)
     w = (x - low)[:, None]
     points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
-    ends = prepared.sizes.end_radius.reshape(-1, 2)
-    radii = np.stack([ends[:, 0], prepared.sized.radii[:, 1], ends[:, 1]], axis=1)
-    return owner, points, member_radius(radii[owner], t)
+    return owner, points, member_radius(tubes.radii[owner], t)
 
 
-def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Changes, as `simplify_truss` takes them, after which crossing members share a node: no merges, and detours.
+def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[Joint]]:
+    """Detours and joints, as `simplify_truss` takes them, after which crossing members share a node.
 
-    Of two members that cross, the one is led through the end of the other that lies nearest to it, if that end lies
-    within `BESIDE` of their radii; pairs that cross farther from their ends stay as they are.
+    If an end of one of two crossing members lies within `BESIDE` of their radii of the other, or its sphere touches it,
+    the other is led through it. Else both get a new node where they cross, on the curve that is bound to a feature or
+    to the surface if one is, unless it would be nearer than `JOINT_ROOM` to one of their ends: such a pair stays as it
+    is.
     """
     truss, crossings = prepared.sized.truss, crossing_tubes(prepared)
-    radius = prepared.tubes.radii.max(1)
+    radius = prepared.tubes.radius_range[1]
     detours: list[tuple[int, int]] = []
+    joints: list[Joint] = []
     used: set[int] = set()
-    for pair in crossings.members.tolist():
-        ends = {int(i) for m in pair for i in truss.members[m]}
+    for (a, b), point in zip(crossings.members.tolist(), crossings.points, strict=True):
+        ends = {int(i) for m in (a, b) for i in truss.members[m]}
         if ends & used:
             continue
-        best = None
-        for m, other in (pair, pair[::-1]):
-            for i in set(truss.members[m].tolist()) - set(truss.members[other].tolist()):
-                points = prepared.centerlines.points[other]
-                gap = float(np.linalg.norm(points - truss.nodes[i], axis=1)[1:-1].min())
-                if gap < BESIDE * (radius[m] + radius[other]) and (best is None or gap < best[0]):
-                    best = (gap, other, i)
-        if best is not None:
-            detours.append(best[1:])
+        beside = _end_beside(prepared, a, b, radius)
+        if beside is not None:
+            detours.append(beside)
             used |= ends
-    return [], detours
+            continue
+        ranks = [RANKS[truss.curves[truss.shape_of_member[m]].kind] for m in (a, b)]
+        if ranks[0] != ranks[1]:
+            spine = prepared.tubes.some(np.array([a if ranks[0] > ranks[1] else b])).spine_points(np.linspace(0, 1, 65))
+            point = spine[0, np.linalg.norm(spine[0] - point, axis=1).argmin()]
+        room = np.linalg.norm(truss.nodes[list(ends)] - point, axis=1).min()
+        if room > JOINT_ROOM * max(radius[a], radius[b]):
+            joints.append(Joint(tuple(point.tolist()), int(max(ranks)), (a, b)))
+            used |= ends
+    return detours, joints
 
 
-def _pieces(splines: MemberSplines, members: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    counts = np.diff(splines.offsets)[members]
-    take = np.repeat(splines.offsets[members] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
-    return splines.control_points[take], np.concatenate([[0], np.cumsum(counts)])
+def _end_beside(prepared: PreparedTruss, a: int, b: int, radius: np.ndarray) -> tuple[int, int] | None:
+    """The member, of two, that runs nearest past an end of the other one, and this end; None if none is near."""
+    members, nodes = prepared.sized.truss.members, prepared.sized.truss.nodes
+    best = None
+    for m, other in ((a, b), (b, a)):
+        for i in set(members[m].tolist()) - set(members[other].tolist()):
+            gap = float(np.linalg.norm(prepared.centerlines.points[other] - nodes[i], axis=1)[1:-1].min())
+            near = max(BESIDE * (radius[a] + radius[b]), prepared.sizes.radius[i] + radius[other])
+            if gap < near and (best is None or gap < best[0]):
+                best = (gap, (other, i))
+    return None if best is None else best[1]
 
 
 def _place_balls(lengths: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
-"""Mitred members of one node: where their equal tubes cut each other and the sphere of the node.
+"""Creased members of one node: where their equal tubes meet each other and the sphere of the node.
 
-All mitred members of a node have the same radius r, and their axes run through the node. A point of the surface of
+All creased members of a node have the same radius r, and their axes run through the node. A point of the surface of
 their union belongs to the member whose direction is nearest, so that member e, at the angle u around its axis, begins
 at
     v(u) = max(H, max_j r / tan(alpha_ej / 2) cos(u - u_j)),
@@ -8,15 +8,15 @@ H = sqrt(R^2 - r^2), where alpha_ej is the angle to member j and u_j the angle a
 this envelope are arcs of the circle in which the tube leaves the sphere, and arcs of the ellipse in the plane that
 bisects e and j: with b the bisector and w the common normal of both, x = r / sin(alpha / 2) cos(t) b + r sin(t) w,
 where t = u - u_j seen from the one member and t = -(u - u_j) from the other.
+
+With fillets of radius f, these are the offsets of the tubes and the sphere, r + f and R + f, see `creases`.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float
-
-from michell_cad.cad.nodes import angles_between
+from jaxtyping import Float, Int
 
 SPHERE = -1
 """Stands for the sphere where a number of a member would name a neighbour."""
@@ -52,6 +52,14 @@ class Mitre:
     pieces: tuple[tuple[Piece, ...], ...]
 
 
+@dataclass(frozen=True, eq=False)
+class NodeMitre:
+    """The mitred ends of one node and how they are cut; member k of `mitre` is `ends[k]`."""
+
+    ends: Int[np.ndarray, " k"]
+    mitre: Mitre
+
+
 def cut_mitre(
     directions: Float[np.ndarray, "k 3"], normals: Float[np.ndarray, "k 3"], R: float, r: float
 ) -> Mitre | None:
@@ -63,10 +71,10 @@ def cut_mitre(
     normals : unit vectors at angle 0 around each member.
     R, r : radii of the sphere and of all the tubes, mm.
     """
-    k = len(directions)
     H = np.sqrt(R**2 - r**2)
     binormals = np.cross(directions, normals)
-    breaks = [_envelope(e, directions, normals, binormals, H, r) for e in range(k)]
+    planes = _bisectors(directions, normals, binormals, r)
+    breaks = [_envelope(e, *planes, H) for e in range(len(directions))]
     corners: list[np.ndarray] = []
     keys: list[frozenset] = []
     seen: list[int] = []
@@ -86,13 +94,13 @@ def cut_mitre(
         path = []
         for i, (u, neighbour) in enumerate(found):
             before = found[i - 1][1]
-            height = _height(u, neighbour, e, directions, normals, binormals, H, r)
+            height = _height(u, neighbour, e, planes, H)
             point = height * directions[e] + r * (np.cos(u) * normals[e] + np.sin(u) * binormals[e])
             path.append((neighbour, u, corner(point, frozenset((e, neighbour, before)))))
         paths.append(path)
     if any(count != len(key - {SPHERE}) for count, key in zip(seen, keys, strict=True)):
         return None
-    pieces = _close_paths(paths, breaks, directions, normals, binormals, H, r, corners)
+    pieces = _close_paths(paths, planes, directions, normals, binormals, H, r, corners)
     spans = np.array([(piece.stop - piece.start) for path in pieces for piece in path])
     if spans.min() < SHORTEST_EDGE:
         return None
@@ -100,27 +108,27 @@ def cut_mitre(
 
 
 def _bisectors(
-    e: int, directions: np.ndarray, normals: np.ndarray, binormals: np.ndarray, r: float
+    directions: np.ndarray, normals: np.ndarray, binormals: np.ndarray, r: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of v = a cos u + b sin u on the planes that bisect end e and each of the others; 0 for itself."""
-    alpha = angles_between(directions[e], directions)
-    toward = directions - (directions @ directions[e])[:, None] * directions[e]
-    around = np.arctan2(toward @ binormals[e], toward @ normals[e])
-    with np.errstate(divide="ignore"):
-        size = np.where(alpha > 0, r / np.tan(alpha / 2), 0.0)
-    return size * np.cos(around), size * np.sin(around)
+    """Coefficients (a, b)[e, j] of v = a cos u + b sin u on the plane that bisects ends e and j; 0 for e itself."""
+    tangent = np.linalg.norm(directions[:, None] - directions, axis=2)
+    np.fill_diagonal(tangent, 1.0)
+    size = r * np.linalg.norm(directions[:, None] + directions, axis=2) / tangent
+    along, across = normals @ directions.T, binormals @ directions.T
+    toward = np.maximum(np.hypot(along, across), np.finfo(float).tiny)
+    np.fill_diagonal(size, 0.0)
+    return size * along / toward, size * across / toward
 
 
-def _height(u, neighbour, e, directions, normals, binormals, H, r):
+def _height(u: float, neighbour: int, e: int, planes: tuple[np.ndarray, np.ndarray], H: float) -> float:
     if neighbour == SPHERE:
         return H
-    a, b = _bisectors(e, directions, normals, binormals, r)
-    return a[neighbour] * np.cos(u) + b[neighbour] * np.sin(u)
+    return planes[0][e, neighbour] * np.cos(u) + planes[1][e, neighbour] * np.sin(u)
 
 
-def _envelope(e, directions, normals, binormals, H, r) -> list[tuple[float, int]]:
+def _envelope(e: int, a: np.ndarray, b: np.ndarray, H: float) -> list[tuple[float, int]]:
     """Breakpoints of the envelope around end e: (angle, neighbour from there on), ascending; empty if all sphere."""
-    a, b = _bisectors(e, directions, normals, binormals, r)
+    a, b = a[e], b[e]
     size = np.hypot(a, b)
     rivals = [int(j) for j in np.flatnonzero(size > H) if j != e]
     angles: list[float] = []
@@ -140,13 +148,13 @@ def _envelope(e, directions, normals, binormals, H, r) -> list[tuple[float, int]
     return [(float(x), int(j)) for x, j in zip(u[changes], top[changes], strict=True)]
 
 
-def _close_paths(paths, breaks, directions, normals, binormals, H, r, corners):
+def _close_paths(paths, planes, directions, normals, binormals, H, r, corners):
     """Pieces between consecutive breakpoints, cut where an end or its neighbour has its angle 0."""
     k = len(paths)
     zero: list[int] = []
     for e in range(k):
         neighbour = paths[e][-1][0] if paths[e] else SPHERE
-        height = _height(0.0, neighbour, e, directions, normals, binormals, H, r)
+        height = _height(0.0, neighbour, e, planes, H)
         zero.append(len(corners))
         corners.append(height * directions[e] + r * normals[e])
     result = []
@@ -175,10 +183,9 @@ def _close_paths(paths, breaks, directions, normals, binormals, H, r, corners):
 
 
 def corner_angles(
-    e: int, directions: Float[np.ndarray, "k 3"], normal: Float[np.ndarray, " 3"], R: float, r: float
-) -> Float[np.ndarray, " j"]:
-    """Angles around end `e`, from `normal`, at which its envelope changes from one neighbour to another."""
-    normals = np.broadcast_to(normal, directions.shape)
-    binormals = np.cross(directions[e], normals)
-    found = _envelope(e, directions, normals, binormals, np.sqrt(R**2 - r**2), r)
-    return np.array([u for u, _ in found])
+    directions: Float[np.ndarray, "k 3"], normals: Float[np.ndarray, "k 3"], R: float, r: float
+) -> list[Float[np.ndarray, " _"]]:
+    """Angles around each end, from its normal, at which its envelope changes from one neighbour to another."""
+    planes = _bisectors(directions, normals, np.cross(directions, normals), r)
+    H = np.sqrt(R**2 - r**2)
+    return [np.array([u for u, _ in _envelope(e, *planes, H)]) for e in range(len(directions))]

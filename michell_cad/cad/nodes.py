@@ -1,18 +1,14 @@
-"""Node spheres: how large a sphere each node needs so that its members leave it side by side.
+"""Node spheres: how large a sphere each node needs so that its members leave it side by side, or joined by creases.
 
 At a node with a sphere of radius R, a member of radius r with a fillet of radius f takes a cap of half-angle
 a = asin((r + f) / (R + f)); its tube begins at the distance H = sqrt((R + f)^2 - (r + f)^2) along its direction, where
 the torus that a ball of radius f rolls between sphere and tube ends. Two members at an angle alpha leave side by side
-if alpha >= a_1 + a_2 + `MARGIN`. Otherwise, in this order:
-
-1. R grows up to `Level.largest_ratio` times the largest radius at the node;
-2. the fillets of the two members shrink (`FILLET_STEPS`);
-3. the two members are mitred: both get the same radius r (the largest of the mitred ones there) and no fillet, and
-   their tubes are cut by the plane that bisects their directions, along an ellipse whose tip lies r / tan(alpha / 2)
-   from the node. Of several equal tubes through one point, the one whose direction is nearest bounds their union, so
-   that any number of members can be mitred.
-
-The mitre replaces a boolean union of the members of that node: it is exact, and as fast as all the rest.
+if alpha >= a_1 + a_2 + `MARGIN`. R grows to make that true, up to `Level.largest_ratio` times the largest radius at the
+node. Beyond, the two members are *creased*: both get the same radius r (the largest of the creased ones there), and
+their tubes meet in the plane that bisects their directions, where the same ball of radius f rolls along both tubes (see
+`creases`; without fillets the edge stays sharp). Their offsets r + f meet in an ellipse whose tip lies
+(r + f) / tan(alpha / 2) from the node. Of several equal tubes through one point, the one whose direction is nearest
+bounds their union, so that any number of members can be creased.
 """
 
 from dataclasses import dataclass
@@ -26,16 +22,17 @@ MARGIN = np.radians(1.0)
 """Angle left free between two caps."""
 
 OVERLAP = np.radians(2.0)
-"""Two mitred caps overlap by at least this angle: a mitre of caps that just touch has edges too short to build."""
+"""Two creased caps overlap by at least this angle: a crease of caps that just touch has edges too short to build."""
 
-FILLET_STEPS = (1.0, 0.5, 0.25, 0.1)
-"""Fractions of the wanted fillet that are tried before a pair of members is mitred (relative)."""
+SHARPEST_TURN = 0.7
+"""The ball that fillets a crease has at most this share of the smallest radius of curvature on its way, which is
+(r + f) sin(alpha / 2) at the tip (relative): at 1 its surface would have a cusp."""
 
-MITRE_CLEARANCE = 0.1
-"""A mitred tube begins this far beyond the tip of its mitre (relative to its radius), so that no edge touches it."""
+CREASE_CLEARANCE = 0.1
+"""A creased tube begins this far beyond the tip of its crease (relative to its radius), so that no edge touches it."""
 
 SETTLE = 1.3
-"""R of a mitred node may grow by this factor until no two of its caps just touch (relative)."""
+"""R of a creased node may grow by this factor until no two of its caps just touch (relative)."""
 
 SMALLEST_RATIO = 1.15
 """Smallest R / r: below it the sphere of a node hardly covers the start of its tubes (relative)."""
@@ -50,13 +47,17 @@ class Level:
     largest_fillet: float
 
 
+LARGEST_RATIO = 2.5
+"""Largest R / r: with the full fillet of 0.4 r enough for 60 degrees. A sphere of 2.5 r weighs as much as 21 r of
+member; members at more acute angles are creased, which takes less room and less material."""
+
+
 def node_levels(node_ratio: float) -> tuple[Level, ...]:
     """From the wanted node to the smallest one, for nodes between which a member has too little room."""
-    largest = max(3.0, node_ratio)
-    # 3 r: with the full fillet enough for 50 degrees; the sphere then weighs as much as 36 r of member.
+    largest = max(LARGEST_RATIO, node_ratio)
     return (
         Level(node_ratio, largest, 1.0),
-        Level(min(node_ratio, 1.5), min(largest, 2.2), 0.5),
+        Level(min(node_ratio, 1.5), min(largest, 2.0), 0.5),
         Level(1.25, 1.6, 0.25),
         Level(SMALLEST_RATIO, 1.3, 0.1),
     )
@@ -69,23 +70,23 @@ class NodeSizes:
     Parameters
     ----------
     radius : (n_n,) float, mm, R of the sphere.
-    end_radius : (n_e,) float, mm, r of the tube where it leaves the node: larger than wanted at some mitred ends.
+    end_radius : (n_e,) float, mm, r of the tube where it leaves the node: larger than wanted at some creased ends.
     fillet : (n_e,) float, mm, f.
     reach : (n_e,) float, mm, distance along the direction of the end at which the tube begins; inf if no sphere fits.
-    mitred : (n_e,) bool.
-    rival : (n_e,) int, the mitred end that decides the reach; -1 if the sphere does.
+    creased : (n_e,) bool.
+    rival : (n_e,) int, the creased end that decides the reach; -1 if the sphere does.
     """
 
     radius: Float[np.ndarray, " n_n"]
     end_radius: Float[np.ndarray, " n_e"]
     fillet: Float[np.ndarray, " n_e"]
     reach: Float[np.ndarray, " n_e"]
-    mitred: Bool[np.ndarray, " n_e"]
+    creased: Bool[np.ndarray, " n_e"]
     rival: Int[np.ndarray, " n_e"]
 
     def __post_init__(self) -> None:
         freeze(self, radius=np.float64, end_radius=np.float64, fillet=np.float64, reach=np.float64)
-        freeze(self, mitred=bool, rival=np.int64)
+        freeze(self, creased=bool, rival=np.int64)
 
 
 def end_pairs(node_of_end: Int[np.ndarray, " n_e"]) -> tuple[Int[np.ndarray, " n_p"], Int[np.ndarray, " n_p"]]:
@@ -117,7 +118,7 @@ def size_nodes(
     level: Int[np.ndarray, " n_n"],
     growth: Float[np.ndarray, " n_n"],
 ) -> NodeSizes:
-    """Choose spheres, fillets and mitres of all nodes, see the module's text.
+    """Choose spheres, fillets and creases of all nodes, see the module's text.
 
     Parameters
     ----------
@@ -137,44 +138,37 @@ def size_nodes(
     first, second = end_pairs(node_of_end)
     angle = angles_between(directions[first], directions[second])
     node = node_of_end[first]
+    ratio = fillet_ratio * most[node_of_end]
     r = radii.copy()
-    mitred_pair = np.zeros(len(first), bool)
+    crease = np.zeros(len(first), bool)
     while True:
         widest = np.zeros(n_nodes)
         np.maximum.at(widest, node_of_end, r)
-        factor, needed, failed = _fit_fillets(
-            first, second, angle, r, fillet_ratio, most[node], (largest * widest)[node], mitred_pair
-        )
-        mitred_pair |= failed
-        mitred = np.zeros(len(r), bool)
-        mitred[first[mitred_pair]] = mitred[second[mitred_pair]] = True
-        grown = _equalise(mitred, node_of_end, r, n_nodes)
-        if not failed.any() and (grown == r).all():
+        f = ratio * r
+        needed = separating_radius(angle, r[first], r[second], f[first], f[second])
+        crease |= needed > (largest * widest)[node]
+        creased = np.zeros(len(r), bool)
+        creased[first[crease]] = creased[second[crease]] = True
+        equal = _equalise(creased, node_of_end, r, n_nodes)
+        if (equal == r).all():
             break
-        r = grown
-    end_factor = most[node_of_end].copy()
-    np.minimum.at(end_factor, first, factor)
-    np.minimum.at(end_factor, second, factor)
-    f = np.where(mitred, 0.0, fillet_ratio * r * end_factor)
+        r = equal
+    f[creased] = _crease_fillets(node_of_end, node[crease], angle[crease], f, creased, r, n_nodes)[creased]
     R = smallest * widest
-    np.maximum.at(R, node, np.where(mitred_pair, 0.0, needed))
-    by_node = np.argsort(node, kind="stable")
-    bounds = np.searchsorted(node[by_node], np.arange(n_nodes + 1))
-    for i in np.unique(node[mitred_pair]):
-        pairs = by_node[bounds[i] : bounds[i + 1]]
-        R[i] = _settle(R[i], first[pairs], second[pairs], angle[pairs], r, f, mitred)
+    np.maximum.at(R, node, np.where(crease, 0.0, needed))
+    _settle(R, node, first, second, angle, r, f, creased, crease)
     reach = np.sqrt((R[node_of_end] + f) ** 2 - (r + f) ** 2)
-    reach[mitred] += MITRE_CLEARANCE * r[mitred]
+    reach[creased] += CREASE_CLEARANCE * r[creased]
     rival = np.full(len(r), -1)
-    mitre = mitred[first] & mitred[second]
-    e = np.concatenate([first[mitre], second[mitre]])
-    other = np.concatenate([second[mitre], first[mitre]])
-    tip = r[e] * (1 / np.tan(np.tile(angle[mitre], 2) / 2) + MITRE_CLEARANCE)
+    both = creased[first] & creased[second]
+    e = np.concatenate([first[both], second[both]])
+    other = np.concatenate([second[both], first[both]])
+    tip = (r[e] + f[e]) / np.tan(np.tile(angle[both], 2) / 2) + CREASE_CLEARANCE * r[e]
     farthest = np.argsort(tip, kind="stable")
     farthest = farthest[tip[farthest] > reach[e[farthest]]]
     # The last assignment to an end is the one with the farthest tip.
     reach[e[farthest]], rival[e[farthest]] = tip[farthest], other[farthest]
-    return NodeSizes(R, r, f, reach, mitred, rival)
+    return NodeSizes(R, r, f, reach, creased, rival)
 
 
 NEWTON_STEPS = 60
@@ -210,36 +204,49 @@ def separating_radius(
     return np.where(angle > 2 * MARGIN, R * (1 + NEWTON_TOLERANCE), np.inf)
 
 
-def _fit_fillets(first, second, angle, r, fillet_ratio, most, largest, mitred_pair):
-    """Per pair: the largest fillet fraction that fits below the largest R, the R it needs, and whether none fits."""
-    factor = np.full(len(first), FILLET_STEPS[-1])
-    needed = np.full(len(first), np.inf)
-    for step in FILLET_STEPS if fillet_ratio > 0 else (0.0,):
-        # A mitred end has no fillet, whatever its other pairs would allow.
-        loose = np.zeros(len(r), bool)
-        loose[first[mitred_pair]] = loose[second[mitred_pair]] = True
-        f = fillet_ratio * r * ~loose
-        fraction = np.minimum(step, most)
-        open_pairs = np.flatnonzero(needed > largest)  # few are left after the first step
-        a, b, part = first[open_pairs], second[open_pairs], fraction[open_pairs]
-        R = separating_radius(angle[open_pairs], r[a], r[b], part * f[a], part * f[b])
-        fits = R <= largest[open_pairs]
-        factor[open_pairs[fits]], needed[open_pairs[fits]] = part[fits], R[fits]
-    return factor, needed, (needed > largest) & ~mitred_pair
-
-
-def _equalise(mitred, node_of_end, r, n_nodes):
-    """Give the mitred ends of each node the largest of their radii."""
+def _equalise(creased, node_of_end, r, n_nodes):
+    """Give the creased ends of each node the largest of their radii."""
     largest = np.zeros(n_nodes)
-    np.maximum.at(largest, node_of_end[mitred], r[mitred])
-    return np.where(mitred, largest[node_of_end], r)
+    np.maximum.at(largest, node_of_end[creased], r[creased])
+    return np.where(creased, largest[node_of_end], r)
 
 
-def _settle(R, first, second, angle, r, f, mitred):
-    """The smallest R from `R` on at which every pair of one node is clear, or mitred and overlaps clearly; or inf."""
-    both = mitred[first] & mitred[second]
-    lowest = SMALLEST_RATIO * max(r[first].max(), r[second].max())
-    candidates = np.concatenate([np.linspace(R, SETTLE * R, 60), np.linspace(R, lowest, 60)])[:, None]
-    total = cap_angle(candidates, r[first], f[first]) + cap_angle(candidates, r[second], f[second])
-    clear = ((total + MARGIN <= angle) | (both & (total - OVERLAP >= angle))).all(1)
-    return float(candidates[np.argmax(clear), 0]) if clear.any() else np.inf
+def _crease_fillets(node_of_end, node, angle, f, creased, r, n_nodes):
+    """The fillets of creased ends, one for each node: what is wanted, or what the sharpest of its creases allows.
+
+    f <= q (r + f) sin(alpha / 2) with q = `SHARPEST_TURN` gives f <= r x / (1 - x) with x = q sin(alpha / 2).
+    """
+    smallest = np.full(n_nodes, np.inf)
+    np.minimum.at(smallest, node_of_end[creased], f[creased])
+    share = np.full(n_nodes, np.inf)
+    x = SHARPEST_TURN * np.sin(angle / 2)
+    np.minimum.at(share, node, x / (1 - x))
+    return np.minimum(smallest[node_of_end], share[node_of_end] * r)
+
+
+def _settle(R, node, first, second, angle, r, f, creased, crease) -> None:
+    """Raise R, in place, at nodes with creases until every pair of ends is clear, or creased and overlaps clearly.
+
+    If no larger R does, smaller ones are tried; R becomes infinite if none is found.
+    """
+    has_crease = np.zeros(len(R), bool)
+    has_crease[node[crease]] = True
+    pairs = np.flatnonzero(has_crease[node])
+    pairs = pairs[np.argsort(node[pairs], kind="stable")]
+    lowest = np.zeros(len(R))
+    np.maximum.at(lowest, node[pairs], SMALLEST_RATIO * np.maximum(r[first[pairs]], r[second[pairs]]))
+    start = R.copy()
+    for step in [*np.linspace(0, 1, 60), *(-np.linspace(0, 1, 60)[1:]), np.nan]:
+        if not len(pairs):
+            return
+        at, a, b = node[pairs], first[pairs], second[pairs]
+        if np.isnan(step):
+            R[at] = np.inf
+            return
+        R[at] = (start + step * (SETTLE - 1) * start)[at] if step >= 0 else (start + step * (start - lowest))[at]
+        total = cap_angle(R[at], r[a], f[a]) + cap_angle(R[at], r[b], f[b])
+        both = creased[a] & creased[b]
+        clear = (total + MARGIN <= angle[pairs]) | (both & (total - OVERLAP >= angle[pairs]))
+        failed = np.zeros(len(R), bool)
+        failed[at[~clear]] = True
+        pairs = pairs[failed[at]]

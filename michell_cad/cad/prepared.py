@@ -11,19 +11,12 @@ from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
-from michell_cad.cad.mitres import Mitre
+from michell_cad.cad.creases import Creases, lay_creases
+from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
-from michell_cad.cad.spheres import Seam
+from michell_cad.cad.spheres import Seams
 from michell_cad.cad.tubes import Tubes
 from michell_cad.truss import SizedTruss
-
-
-@dataclass(frozen=True, eq=False)
-class NodeMitre:
-    """The mitred ends of one node and how they are cut; member k of `mitre` is `ends[k]`."""
-
-    ends: Int[np.ndarray, " k"]
-    mitre: Mitre
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +29,7 @@ class Changes:
     touched: Bool[np.ndarray, " n_n"]
     merged_nodes: int
     rerouted_members: int
+    joints: int
     original_members: int
 
     def __post_init__(self) -> None:
@@ -45,16 +39,17 @@ class Changes:
         self,
         merges: Sequence[tuple[int, int]],
         detours: Sequence[tuple[int, int]],
-        number: Int[np.ndarray, " n_n"],
+        joints: int,
+        number: Int[np.ndarray, " n"],
         n_nodes: int,
     ) -> "Changes":
         """The changes after a further `simplify_truss` with these arguments, which gave the nodes new numbers."""
-        hit = np.array(self.touched)
+        hit = np.r_[self.touched, np.ones(joints, bool)]
         hit[[i for pair in merges for i in pair] + [j for _, j in detours]] = True
         touched = np.zeros(n_nodes, bool)
         touched[number[hit & (number >= 0)]] = True
         merged, rerouted = self.merged_nodes + len(merges), self.rerouted_members + len(detours)
-        return Changes(touched, merged, rerouted, self.original_members)
+        return Changes(touched, merged, rerouted, self.joints + joints, self.original_members)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +64,15 @@ class PreparedTruss:
     sizes : spheres, fillets, mitres.
     tubes : surfaces of the members.
     mitres : per mitred node.
-    seams : per node with members.
+    seams : per node.
     changes : what was changed in the truss itself.
     growth : (n_n,) float, factors by which the spheres had to grow.
     fallback_nodes : nodes not built by the direct way, by kind.
+    creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
-    straightened_members : members that do not follow their curve, since there is no room for the bend.
+    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
+    straightened_members : members that do not follow their curve at all, since there is no room for the bend.
     messages : one sentence for every kind of change.
     """
 
@@ -85,12 +82,14 @@ class PreparedTruss:
     sizes: NodeSizes
     tubes: Tubes
     mitres: Mapping[int, NodeMitre]
-    seams: Mapping[int, Seam]
+    seams: Seams
     changes: Changes
     growth: Float[np.ndarray, " n_n"]
     fallback_nodes: Mapping[str, int]
+    creased_nodes: int
     raised_nodes: int
     reduced_nodes: int
+    turned_ends: int
     straightened_members: int
     messages: tuple[str, ...]
 
@@ -107,12 +106,19 @@ class PreparedTruss:
     @cached_property
     def normals(self) -> Float[np.ndarray, "n_e 3"]:
         """Unit vectors to angle 0 of the circles at the ends; angles count about the direction."""
-        return self.tubes.frames[:, [0, -1], 0].reshape(-1, 3)
+        return self.tubes.end_normals.reshape(-1, 3)
 
     @cached_property
     def caps(self) -> Float[np.ndarray, " n_e"]:
         """Half-angles of the caps that the ends take from their spheres."""
         return cap_angle(self.sizes.radius[self.node_of_end], self.sizes.end_radius, self.sizes.fillet)
+
+    @cached_property
+    def creases(self) -> Creases:
+        """Tables of the filleted creases."""
+        return lay_creases(
+            self.mitres, self.sized.truss.nodes, self.directions, self.normals, np.asarray(self.sizes.fillet)
+        )
 
     @cached_property
     def component(self) -> Int[np.ndarray, " n_n"]:

@@ -7,8 +7,10 @@ the seam of the sphere meets them.
 
 import numpy as np
 
-from michell_cad.cad.mitres import SPHERE, Piece
+from michell_cad.cad.fits import Fitted
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.shell_creases import lay_creases
+from michell_cad.cad.shell_mitres import lay_mitres
 from michell_cad.cad.shell_plan import (
     Coedges,
     CurveForm,
@@ -20,118 +22,24 @@ from michell_cad.cad.shell_plan import (
     ShellPlan,
     SurfaceForm,
 )
-from michell_cad.cad.spheres import fit_longitudes, fit_sines
-
-TOLERANCE = 1e-6
-"""Tolerance of edges and vertices (relative to the largest radius): rational circles fail at a tenth of it."""
-
-KERNEL_TOLERANCE = 1e-7
-"""mm: the kernel takes nearer points for the same one."""
-
-FIT_SAFETY = 2.0
-"""Edges take this multiple of the largest deviation that was measured between their curves (relative)."""
-
-TURN = 2 * np.pi
-
-
-class _Table:
-    """Rows of several columns, appended in blocks."""
-
-    def __init__(self, **widths: int) -> None:
-        self._blocks: dict[str, list[np.ndarray]] = {name: [] for name in widths}
-        self._widths = widths
-        self.size = 0
-
-    def add(self, n: int, **columns: object) -> np.ndarray:
-        """Append n rows; a scalar or a single row is repeated. Returns their numbers."""
-        for name, width in self._widths.items():
-            shape = (n,) if width == 1 else (n, width)
-            self._blocks[name].append(np.broadcast_to(np.asarray(columns[name], float), shape))
-        self.size += n
-        return np.arange(self.size - n, self.size)
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        width = self._widths[name]
-        return np.concatenate([np.zeros((0,) if width == 1 else (0, width)), *self._blocks[name]])
-
-    def whole(self, name: str) -> np.ndarray:
-        """A column of whole numbers."""
-        return self[name].astype(np.int64)
-
-
-class _Shell:
-    """The tables while they grow."""
-
-    def __init__(self, prepared: PreparedTruss) -> None:
-        self.p = prepared
-        truss, sizes = prepared.sized.truss, prepared.sizes
-        self.node = prepared.node_of_end
-        self.d, self.N = prepared.directions, prepared.normals
-        self.B = np.cross(self.d, self.N)
-        self.X = truss.nodes[self.node]
-        self.r, self.f, self.reach, self.mitred = sizes.end_radius, sizes.fillet, sizes.reach, sizes.mitred
-        self.R, self.a = sizes.radius[self.node], prepared.caps
-        self.n_e, self.n_m = len(self.node), len(truss.members)
-        self.tolerance = max(TOLERANCE * float(self.r.max()), KERNEL_TOLERANCE)
-        self.points = _Table(x=3)
-        self.frames = _Table(origin=3, axis=3, zero=3, radii=2)
-        self.edges = _Table(form=1, curve=1, ranges=2, ends=2, tolerance=1)
-        self.faces = _Table(form=1, surface=1, reversed_=1, role=1, owner=1, node=1)
-        self.coedges = _Table(face=1, wire=1, order=1, edge=1, reversed_=1, form=1, pcurve=1)
-        self.lines = _Table(origin=2, direction=2)
-        self.poles: list[np.ndarray] = []
-        self.n_poles = 0
-        # A plain end has one circle for tube and sphere.
-        self.plain = (self.f == 0) & ~self.mitred
-        self.tube_edge = np.full(self.n_e, -1)
-        self.corners: dict[int, np.ndarray] = {}
-        self.widened: tuple[np.ndarray, np.ndarray] = (np.zeros(0, int), np.zeros(0))
-
-    def add_edges(self, form, curve, ranges, ends) -> np.ndarray:
-        return self.edges.add(len(ends), form=form, curve=curve, ranges=ranges, ends=ends, tolerance=self.tolerance)
-
-    def run_along(self, face, wire, order, edge, reversed_, form, pcurve) -> None:
-        n = len(np.atleast_1d(edge))
-        self.coedges.add(n, face=face, wire=wire, order=order, edge=edge, reversed_=reversed_, form=form, pcurve=pcurve)
-
-    def run_line(self, face, order, edge, reversed_, origin, direction) -> None:
-        """Coedges in wire 0 whose pcurves are lines."""
-        n = len(np.atleast_1d(edge))
-        lines = self.lines.add(n, origin=origin, direction=direction)
-        self.run_along(face, 0, order, edge, reversed_, PcurveForm.LINE, lines)
-
-    def add_poles(self, poles: np.ndarray) -> np.ndarray:
-        self.poles.append(poles)
-        self.n_poles += len(poles)
-        return np.arange(self.n_poles - len(poles), self.n_poles)
+from michell_cad.cad.shell_tables import TURN, Arcs, ShellTables
+from michell_cad.cad.spheres import fit_longitudes
 
 
 def assemble_shell(prepared: PreparedTruss) -> ShellPlan:
     """Lay out points, edges and faces of all solids of a prepared truss."""
-    shell = _Shell(prepared)
+    shell = ShellTables(prepared)
     _lay_circles(shell)
     arcs = _lay_arcs(shell)
     _lay_fillets(shell, arcs)
-    _lay_mitres(shell, arcs)
+    lay_mitres(shell, arcs)
+    lay_creases(shell, arcs)
     _lay_tubes(shell, arcs)
     _lay_spheres(shell, arcs)
     return _finish(shell)
 
 
-class _Arcs:
-    """Arcs of the circles on the spheres, per end in ascending order of angle, after all cuts."""
-
-    def __init__(self, end, ranges, ends, edge, cuts) -> None:
-        self.end, self.ranges, self.ends, self.edge = end, ranges, ends, edge
-        self.cuts = cuts
-        self.order = np.lexsort((ranges[:, 0], end))
-        self.bounds = np.searchsorted(end[self.order], np.arange(int(end.max()) + 2))
-
-    def of_end(self, e: int) -> np.ndarray:
-        return self.order[self.bounds[e] : self.bounds[e + 1]]
-
-
-def _lay_circles(s: _Shell) -> None:
+def _lay_circles(s: ShellTables) -> None:
     """Circles of the tubes (frames 0 .. n_e - 1, points likewise), circles on the spheres (the next n_e)."""
     center = s.X + s.reach[:, None] * s.d
     s.points.add(s.n_e, x=center + s.r[:, None] * s.N)
@@ -148,17 +56,20 @@ def _lay_circles(s: _Shell) -> None:
     s.tube_edge[own] = s.add_edges(CurveForm.CONIC, own, (0, TURN), np.stack([own, own], axis=1))
 
 
-def _lay_arcs(s: _Shell) -> _Arcs:
+def _lay_arcs(s: ShellTables) -> Arcs:
     """Edges on the spheres: whole circles, or arcs between corners of mitres, cut where a seam meets them."""
-    filleted = np.flatnonzero(~s.plain & ~s.mitred)
-    whole = np.flatnonzero(~s.mitred)
+    filleted = np.flatnonzero(~s.plain & ~s.creased)
+    whole = np.flatnonzero(~s.creased)
     vertex = np.arange(s.n_e)
     rho, h = s.R * np.sin(s.a), s.R * np.cos(s.a)
     on_sphere = s.X + h[:, None] * s.d + rho[:, None] * s.N
     vertex[filleted] = s.points.add(len(filleted), x=on_sphere[filleted])
     end, ranges = [whole], [np.tile([0.0, TURN], (len(whole), 1))]
     ends = [np.stack([vertex[whole], vertex[whole]], axis=1)]
+    piece = [np.full(len(whole), -1)]
     for i, node in s.p.mitres.items():
+        if s.f[node.ends[0]] > 0:
+            continue
         X = s.p.sized.truss.nodes[i]
         s.corners[i] = s.points.add(len(node.mitre.corners), x=X + node.mitre.corners)
         pieces = [piece for path in node.mitre.pieces for piece in path if piece.neighbour < 0]
@@ -166,30 +77,44 @@ def _lay_arcs(s: _Shell) -> _Arcs:
             end.append(node.ends[[piece.end for piece in pieces]])
             ranges.append(np.array([(piece.start, piece.stop) for piece in pieces]))
             ends.append(s.corners[i][[(piece.first, piece.last) for piece in pieces]])
-    end, ranges, ends = np.concatenate(end), np.concatenate(ranges), np.concatenate(ends)
-    cuts, end, ranges, ends = _cut_at_seams(s, end, ranges, ends)
+            piece.append(np.full(len(pieces), -1))
+    creases = s.p.creases
+    at = np.flatnonzero(creases.on_sphere)
+    touched, place = np.unique(np.stack([creases.first[at], creases.last[at]], axis=1), return_inverse=True)
+    X, R = s.p.sized.truss.nodes[creases.node[touched]], s.p.sizes.radius[creases.node[touched]]
+    away = creases.center[touched] - X
+    s.contact = np.full(len(creases.node), -1)
+    s.contact[touched] = s.points.add(
+        len(touched), x=X + R[:, None] * away / np.linalg.norm(away, axis=1, keepdims=True)
+    )
+    end.append(creases.end[at])
+    ranges.append(np.stack([creases.start[at], creases.stop[at]], axis=1))
+    ends.append(s.contact[touched][place.reshape(-1, 2)])
+    piece.append(at)
+    end, ranges, ends, piece = (np.concatenate(parts) for parts in (end, ranges, ends, piece))
+    cuts, end, ranges, ends, piece = _cut_at_seams(s, end, ranges, ends, piece)
     curve = np.where(s.plain[end], end, s.n_e + end)
     edge = s.add_edges(CurveForm.CONIC, curve, ranges, ends)
-    return _Arcs(end, ranges, ends, edge, cuts)
+    return Arcs(end, ranges, ends, piece, edge, cuts)
 
 
-def _cut_at_seams(s: _Shell, end, ranges, ends):
-    """Split the arcs that the seams of the spheres meet; `cuts` maps (node, pole) to the new point."""
+def _cut_at_seams(s: ShellTables, end, ranges, ends, piece):
+    """Split the arcs that the seams of the spheres meet; `cuts` (n_n, 2) are the new points."""
+    seams = s.p.seams
+    node, pole = np.nonzero((seams.cap >= 0) & seams.found[:, None])
+    by_node = np.argsort(s.node, kind="stable")
+    first_end = np.searchsorted(s.node[by_node], np.arange(len(seams.found)))
+    wanted, angles = by_node[first_end[node] + seams.cap[node, pole]], seams.angle[node, pole]
     of_end: dict[int, list[int]] = {}
-    wanted = {}
-    for i, seam in s.p.seams.items():
-        for pole, cut in enumerate((seam.south_cut, seam.north_cut)):
-            if cut is not None:
-                wanted[i, pole] = cut
-    for k in np.flatnonzero(np.isin(end, [e for e, _ in wanted.values()])):
-        of_end.setdefault(int(end[k]), []).append(int(k))
-    keys, arcs, angles = [], [], []
-    for key, (e, angle) in wanted.items():
-        arc = next(k for k in of_end[e] if ranges[k, 0] < angle < ranges[k, 1])
-        keys.append(key)
-        arcs.append(arc)
-        angles.append(angle)
-    arcs, angles = np.array(arcs, int), np.array(angles)
+    for k in np.flatnonzero(np.isin(end, wanted)).tolist():
+        of_end.setdefault(int(end[k]), []).append(k)
+    arcs = np.array(
+        [
+            next(k for k in of_end[e] if ranges[k, 0] < angle < ranges[k, 1])
+            for e, angle in zip(wanted.tolist(), angles.tolist(), strict=True)
+        ],
+        int,
+    )
     e = end[arcs]
     rho, h = (s.R * np.sin(s.a))[e, None], (s.R * np.cos(s.a))[e, None]
     q = np.cos(angles)[:, None] * s.N[e] + np.sin(angles)[:, None] * s.B[e]
@@ -198,12 +123,14 @@ def _cut_at_seams(s: _Shell, end, ranges, ends):
     upper[:, 0], upper_ends[:, 0] = angles, new
     ranges, ends = ranges.copy(), ends.copy()
     ranges[arcs, 1], ends[arcs, 1] = angles, new
-    cuts = dict(zip(keys, new.tolist(), strict=True))
-    return cuts, np.r_[end, e], np.concatenate([ranges, upper]), np.concatenate([ends, upper_ends])
+    cuts = np.full(seams.cap.shape, -1)
+    cuts[node, pole] = new
+    ranges, ends = np.concatenate([ranges, upper]), np.concatenate([ends, upper_ends])
+    return cuts, np.r_[end, e], ranges, ends, np.r_[piece, piece[arcs]]
 
 
-def _lay_fillets(s: _Shell, arcs: _Arcs) -> None:
-    e = np.flatnonzero(s.f > 0)
+def _lay_fillets(s: ShellTables, arcs: Arcs) -> None:
+    e = np.flatnonzero((s.f > 0) & ~s.creased)
     n = len(e)
     if not n:
         return
@@ -231,7 +158,7 @@ def _lay_fillets(s: _Shell, arcs: _Arcs) -> None:
     face_of_end[e] = face
     s.run_line(face, 0, s.tube_edge[e], 0, (0, np.pi), (1, 0))
     s.run_line(face, 1, seam, 0, (TURN, 0), (0, 1))
-    k = np.flatnonzero(s.f[arcs.end] > 0)
+    k = np.flatnonzero(face_of_end[arcs.end] >= 0)
     top = np.zeros(s.n_e)
     top[e] = np.pi + gamma
     origin = np.stack([np.zeros(len(k)), top[arcs.end[k]]], axis=1)
@@ -239,83 +166,7 @@ def _lay_fillets(s: _Shell, arcs: _Arcs) -> None:
     s.run_line(face, 20, seam, 1, (0, 0), (0, 1))
 
 
-def _lay_mitres(s: _Shell, arcs: _Arcs) -> None:
-    """Cylinders from the mitres to the circles of the tubes."""
-    for i, node in s.p.mitres.items():
-        creases = _lay_creases(s, i)
-        ends = node.ends.tolist()
-        for k, e in enumerate(ends):
-            frame = s.frames.add(1, origin=s.X[e], axis=s.d[e], zero=s.N[e], radii=(s.r[e], 0))
-            face = s.faces.add(
-                1, form=SurfaceForm.CYLINDER, surface=frame, reversed_=0, role=FaceRole.MITRE, owner=e, node=i
-            )
-            H = s.R[e] * np.cos(s.a[e])
-            foot, height = -1, H
-            for arc in arcs.of_end(e):
-                s.run_line(face, arcs.ranges[arc, 0], arcs.edge[arc], 0, (0, H), (1, 0))
-                if arcs.ranges[arc, 0] == 0:
-                    foot = arcs.ends[arc, 0]
-            for piece in node.mitre.pieces[k]:
-                if piece.neighbour == SPHERE:
-                    continue
-                edge, t_range = creases[_crease_key(piece)]
-                middle, size = _rival(s, e, ends[piece.neighbour])
-                forward = piece.end < piece.neighbour
-                sign = 1.0 if forward else -1.0
-                # The angle is middle + sign t, up to whole turns.
-                turns = TURN * np.round((piece.start - middle - sign * t_range[0 if forward else 1]) / TURN)
-                poles = s.add_poles(fit_sines(t_range, middle + turns, sign, size))
-                s.run_along(face, 0, piece.start, edge, not forward, PcurveForm.FITTED, poles)
-                if piece.start == 0:
-                    foot, height = s.corners[i][piece.first], size * np.cos(middle)
-            line = s.frames.add(1, origin=s.X[e] + s.r[e] * s.N[e], axis=s.d[e], zero=s.N[e], radii=(1, 1))
-            seam = s.add_edges(CurveForm.LINE, line, [(height, s.reach[e])], [(foot, e)])
-            s.run_line(face, 10, seam, 0, (TURN, 0), (0, 1))
-            s.run_line(face, 11, s.tube_edge[e], 1, (0, s.reach[e]), (1, 0))
-            s.run_line(face, 12, seam, 1, (0, 0), (0, 1))
-
-
-def _crease_key(piece: Piece) -> tuple[int, int, int, int]:
-    """The same for the two occurrences of a piece between two members, whose corners come in opposite order."""
-    if piece.end < piece.neighbour:
-        return piece.end, piece.neighbour, piece.first, piece.last
-    return piece.neighbour, piece.end, piece.last, piece.first
-
-
-def _rival(s: _Shell, e: int, other: int) -> tuple[float, float]:
-    """Angle around end e at which the other end lies, and the distance r / tan(alpha / 2) of their tip."""
-    toward = s.d[other] - (s.d[other] @ s.d[e]) * s.d[e]
-    half = np.arctan2(np.linalg.norm(s.d[e] - s.d[other]), np.linalg.norm(s.d[e] + s.d[other]))
-    return float(np.arctan2(toward @ s.B[e], toward @ s.N[e])), float(s.r[e] / np.tan(half))
-
-
-def _lay_creases(s: _Shell, i: int) -> dict[tuple[int, int, int, int], tuple[np.ndarray, tuple[float, float]]]:
-    """Edges between the mitred members of node i, with the ranges of their parameter t (see `mitres`)."""
-    node = s.p.mitres[i]
-    ends = node.ends.tolist()
-    creases = {}
-    for piece in (piece for path in node.mitre.pieces for piece in path):
-        if piece.neighbour < piece.end:
-            continue
-        e, other = ends[piece.end], ends[piece.neighbour]
-        half_sine = np.linalg.norm(s.d[e] - s.d[other]) / 2
-        bisector = (s.d[e] + s.d[other]) / np.linalg.norm(s.d[e] + s.d[other])
-        frame = s.frames.add(
-            1,
-            origin=s.X[e],
-            axis=(s.d[e] - s.d[other]) / (2 * half_sine),
-            zero=bisector,
-            radii=(s.r[e] / half_sine, s.r[e]),
-        )
-        middle, _ = _rival(s, e, other)
-        shift = middle + TURN * np.round(((piece.start + piece.stop) / 2 - middle) / TURN)
-        t_range = (piece.start - shift, piece.stop - shift)
-        edge = s.add_edges(CurveForm.CONIC, frame, [t_range], [s.corners[i][[piece.first, piece.last]]])
-        creases[_crease_key(piece)] = (edge, t_range)
-    return creases
-
-
-def _lay_tubes(s: _Shell, arcs: _Arcs) -> None:
+def _lay_tubes(s: ShellTables, arcs: Arcs) -> None:
     n, straight = s.n_m, s.p.tubes.straight
     length = np.linalg.norm((s.X + s.reach[:, None] * s.d)[1::2] - (s.X + s.reach[:, None] * s.d)[0::2], axis=1)
     m = np.arange(n)
@@ -359,17 +210,17 @@ def _lay_tubes(s: _Shell, arcs: _Arcs) -> None:
     s.run_along(face[member], 0, start + 20 * side, edge, 0, form, np.where(straight[member], lines, 0))
 
 
-def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
-    nodes = np.array(list(s.p.seams), int)
-    seams = [s.p.seams[int(i)] for i in nodes]
+def _lay_spheres(s: ShellTables, arcs: Arcs) -> None:
+    seams = s.p.seams
+    nodes = np.flatnonzero(seams.found)
     n = len(nodes)
     X, R = s.p.sized.truss.nodes[nodes], s.p.sizes.radius[nodes]
-    axis, zero = np.array([seam.axis for seam in seams]), np.array([seam.zero for seam in seams])
+    axis, zero = seams.axis[nodes], seams.zero[nodes]
     frame = s.frames.add(n, origin=X, axis=axis, zero=zero, radii=np.stack([R, R], axis=1))
     face = s.faces.add(
         n, form=SurfaceForm.SPHERE, surface=frame, reversed_=0, role=FaceRole.NODE, owner=nodes, node=nodes
     )
-    poles = np.array([[arcs.cuts.get((int(i), pole), -1) for pole in (0, 1)] for i in nodes])
+    poles = arcs.cuts[nodes]
     for pole, sign in enumerate((-1, 1)):
         free = np.flatnonzero(poles[:, pole] < 0)
         point = s.points.add(len(free), x=X[free] + sign * R[free, None] * axis[free])
@@ -377,8 +228,7 @@ def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
         edge = s.add_edges(CurveForm.NONE, 0, (0, TURN), np.stack([point, point], axis=1))
         s.run_line(face[free], (0, 200)[pole], edge, pole, (0, sign * np.pi / 2), (1, 0))
     meridian = s.frames.add(n, origin=X, axis=np.cross(zero, axis), zero=zero, radii=np.stack([R, R], axis=1))
-    latitudes = np.array([(seam.south, seam.north) for seam in seams])
-    seam_edge = s.add_edges(CurveForm.CONIC, meridian, latitudes, poles)
+    seam_edge = s.add_edges(CurveForm.CONIC, meridian, seams.latitudes[nodes], poles)
     s.run_line(face, 100, seam_edge, 0, (TURN, 0), (0, 1))
     s.run_line(face, 300, seam_edge, 1, (0, 0), (0, 1))
     row_of_node = np.full(len(s.p.sized.truss.nodes), -1)
@@ -387,8 +237,8 @@ def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
     wire, order = _chain_loops(arcs, row, poles)
     frames = np.stack([zero, np.cross(axis, zero), axis], axis=1)
     circles = np.stack([s.N, s.B, s.d], axis=1)[arcs.end]
-    fitted, deviation = fit_longitudes(frames[row], R[row], circles, s.a[arcs.end], arcs.ranges)
-    s.widened = (arcs.edge, FIT_SAFETY * deviation)
+    fitted = fit_longitudes(frames[row], R[row], circles, s.a[arcs.end], arcs.ranges)
+    s.widen(arcs.edge, fitted.deviation)
     face_of_arc = face[row]
     island = _find_islands(fitted, row, wire)
     if island.any():
@@ -404,20 +254,22 @@ def _lay_spheres(s: _Shell, arcs: _Arcs) -> None:
             node=nodes[pair[:, 0]],
         )
         face_of_arc[island] = cut_off[place.ravel()]
-    s.run_along(face_of_arc, wire, order, arcs.edge, 1, PcurveForm.FITTED, s.add_poles(fitted))
+    s.run_fitted(face_of_arc, wire, order, arcs.edge, 1, fitted)
 
 
-def _find_islands(poles: np.ndarray, row: np.ndarray, wire: np.ndarray) -> np.ndarray:
+def _find_islands(fitted: Fitted, row: np.ndarray, wire: np.ndarray) -> np.ndarray:
     """Arcs of wires, other than the first of their face, that have the face inside: positive area of the parameters."""
-    u, v = poles[..., 0], poles[..., 1]
-    # The arcs are run against their direction.
-    share = -((u[:, 1:] + u[:, :-1]) / 2 * np.diff(v, axis=1)).sum(1)
+    share = np.zeros(len(row))
+    for number, poles in enumerate(fitted.poles):
+        u, v = poles[..., 0], poles[..., 1]
+        # The arcs are run against their direction.
+        share[fitted.fit == number] = -((u[:, 1:] + u[:, :-1]) / 2 * np.diff(v, axis=1)).sum(1)
     area = np.zeros((row.max() + 1, wire.max() + 1))
     np.add.at(area, (row, wire), share)
     return (wire > 0) & (area[row, wire] > 0)
 
 
-def _chain_loops(arcs: _Arcs, row: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _chain_loops(arcs: Arcs, row: np.ndarray, poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Wire and order of every arc along the face of its sphere, which it bounds against its own direction.
 
     Wire 0 starts at the seam's south end, around the south pole, and comes back around the north pole.
@@ -441,11 +293,11 @@ def _chain_loops(arcs: _Arcs, row: np.ndarray, poles: np.ndarray) -> tuple[np.nd
     return wire, order
 
 
-def _finish(s: _Shell) -> ShellPlan:
+def _finish(s: ShellTables) -> ShellPlan:
     edges, faces, coedges, frames = s.edges, s.faces, s.coedges, s.frames
-    edge, deviation = s.widened
     tolerance = edges["tolerance"].copy()
-    tolerance[edge] = np.maximum(tolerance[edge], deviation)
+    for edge, deviation in s.widened:
+        np.maximum.at(tolerance, edge, deviation)
     order = np.lexsort((coedges["order"], coedges["wire"], coedges["face"]))
     face, wire, along, form, pcurve = (
         coedges.whole(name)[order] for name in ("face", "wire", "edge", "form", "pcurve")
@@ -464,8 +316,9 @@ def _finish(s: _Shell) -> ShellPlan:
         ),
         coedges=Coedges(face, wire, along, coedges["reversed_"][order] > 0, form, pcurve),
         pcurve_lines=np.stack([s.lines["origin"], s.lines["direction"]], axis=1),
-        pcurve_poles=np.concatenate(s.poles),
-        tube_poles=s.p.tubes.poles,
+        pcurve_poles=tuple(np.concatenate(poles) for poles in s.poles),
+        strips=s.strips,
+        tube_poles=tuple(s.p.tubes.poles),
         tolerance=s.tolerance,
         components=int(s.p.component.max()) + 1,
     )

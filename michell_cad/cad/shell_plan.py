@@ -33,6 +33,8 @@ class SurfaceForm(IntEnum):
     TORUS = 1
     CYLINDER = 2
     TUBE = 3
+    STRIP = 4
+    """The fillet between two tubes, of `Strips`."""
 
 
 class PcurveForm(IntEnum):
@@ -40,12 +42,12 @@ class PcurveForm(IntEnum):
 
     LINE = 0
     """origin + t direction."""
-    FITTED = 1
-    """A spline on the knots of `spheres.FIT_KNOTS`, stretched to the range of the edge."""
-    TUBE_START = 2
+    TUBE_START = 1
     """The whole circle at the start of a tube, counted along its angle."""
-    TUBE_END = 3
+    TUBE_END = 2
     """The whole circle at the end of a tube, counted against its angle."""
+    FITTED = 3
+    """A spline on the knots of the first of `fits.FITS`, stretched to the range of the edge; 4 for the second, ..."""
 
 
 class FaceRole(IntEnum):
@@ -119,11 +121,27 @@ class Coedges:
 
 
 @dataclass(frozen=True, eq=False)
+class Strips:
+    """Splines, rational quadratic across and of the given degree along, with their knots along.
+
+    `weights` belong to the middle rows of poles, the others have the weight 1.
+    """
+
+    poles: Float[np.ndarray, "n 3 c 3"]
+    weights: Float[np.ndarray, "n c"]
+    knots: Float[np.ndarray, "n k"]
+    degree: int
+
+    def __post_init__(self) -> None:
+        freeze(self, poles=np.float64, weights=np.float64, knots=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
 class ShellPlan:
     """The tables of one truss.
 
-    `pcurve_lines` holds origin and direction, (n, 2, 2); `pcurve_poles` the poles of fitted pcurves; `tube_poles` the
-    poles (n_m, 9, 9, 3) of the tubes; `tolerance` (mm) that of faces and vertices.
+    `pcurve_lines` holds origin and direction, (n, 2, 2); `pcurve_poles` the poles of fitted pcurves, by fit;
+    `tube_poles` the poles of each tube (9, k + 2, 3); `tolerance` (mm) that of faces and vertices.
     """
 
     points: Float[np.ndarray, "n_p 3"]
@@ -132,10 +150,11 @@ class ShellPlan:
     faces: Faces
     coedges: Coedges
     pcurve_lines: Float[np.ndarray, "n_l 2 2"]
-    pcurve_poles: Float[np.ndarray, "n_f p 2"]
-    tube_poles: Float[np.ndarray, "n_m 9 c 3"]
+    pcurve_poles: tuple[Float[np.ndarray, "_ _ 2"], ...]
+    strips: Strips
+    tube_poles: tuple[np.ndarray, ...]
     tolerance: float
     components: int
 
     def __post_init__(self) -> None:
-        freeze(self, points=np.float64, pcurve_lines=np.float64, pcurve_poles=np.float64, tube_poles=np.float64)
+        freeze(self, points=np.float64, pcurve_lines=np.float64)

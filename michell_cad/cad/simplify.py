@@ -7,7 +7,7 @@ thicker gives the radii.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,10 +15,22 @@ from jaxtyping import Float, Int
 from michell_cad.truss import SizedTruss, Truss
 
 
+@dataclass(frozen=True)
+class Joint:
+    """A new node at a place (mm), of a kind (`NodeKind`), through which members are led."""
+
+    place: tuple[float, float, float]
+    kind: int
+    members: tuple[int, ...]
+
+
 def simplify_truss(
-    sized: SizedTruss, merges: Sequence[tuple[int, int]], detours: Sequence[tuple[int, int]]
-) -> tuple[SizedTruss, Int[np.ndarray, " n_n"]]:
-    """Merge pairs of nodes and lead members through nodes.
+    sized: SizedTruss,
+    merges: Sequence[tuple[int, int]],
+    detours: Sequence[tuple[int, int]],
+    joints: Sequence[Joint] = (),
+) -> tuple[SizedTruss, Int[np.ndarray, " n"]]:
+    """Merge pairs of nodes, lead members through nodes, and join members in new nodes.
 
     Parameters
     ----------
@@ -26,13 +38,19 @@ def simplify_truss(
     merges : pairs of nodes, no node in two pairs. The more constrained node (corner, feature, boundary, interior)
         keeps its place; two alike meet halfway.
     detours : pairs (member, node).
+    joints : new nodes; they are numbered after all others. No member is in a detour and a joint, or in two.
 
     Returns
     -------
-    The truss without unused nodes, and for every old node its new number (-1: gone without successor).
+    The truss without unused nodes, and for every old node, and then every joint, its new number (-1: gone without
+    successor).
     """
     truss = sized.truss
     nodes, kinds, target = _merge_nodes(truss, merges)
+    detours = [*detours, *((m, len(nodes) + j) for j, joint in enumerate(joints) for m in joint.members)]
+    nodes = np.concatenate([nodes, np.array([joint.place for joint in joints]).reshape(-1, 3)])
+    kinds = np.concatenate([kinds, np.array([joint.kind for joint in joints], kinds.dtype)])
+    target = np.r_[target, np.arange(len(target), len(nodes))]
     members = target[truss.members]
     spans = _Spans(sized, members)
     via = {}
@@ -78,10 +96,10 @@ class _Spans:
         """Give the spans from node j to both ends of member m its radii, unless they exist."""
         a, b = (int(x) for x in self._members[m])
         r = self._sized.radii[m]
-        for end, radii in ((a, np.array([r[0], r[0], r[1]])), (b, r)):
+        for end, at_end in ((a, r[0]), (b, r[2])):
             low, high = min(end, j), max(end, j)
             if low != high and (low, high) not in self.radii:
-                towards_j = radii if end == a else radii[::-1]
+                towards_j = np.array([at_end, (at_end + r[1]) / 2, r[1]])
                 self.radii[low, high] = towards_j if end == low else towards_j[::-1]
                 self.waypoints[low, high] = np.zeros((0, 3))
 

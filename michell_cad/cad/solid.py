@@ -48,9 +48,11 @@ class SolidReport:
     genus, expected_genus : measured on the mesh; sum over components of members - nodes + 1.
     nodes, members : of the truss as built.
     filleted_nodes : nodes at which every member has its fillet.
-    fallback_nodes : nodes not built by the direct way, by kind: ``mitred`` (acute members cut by bisecting planes, no
-        fillet) and ``merged`` (nodes moved, merged or given rerouted members).
+    fallback_nodes : nodes not built by the direct way, by kind: ``merged`` (nodes moved, merged or given rerouted
+        members), and ``mitred`` (members at acute angles that meet in sharp edges, only where no fillets are wanted).
+    creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
+    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
     straightened_members, merged_members : members that do not follow their curve; members gone.
     crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
     curve_deviation_mm : largest distance of a spine from its design curve.
@@ -68,8 +70,10 @@ class SolidReport:
     members: int
     filleted_nodes: int
     fallback_nodes: Mapping[str, int]
+    creased_nodes: int
     raised_nodes: int
     reduced_nodes: int
+    turned_ends: int
     straightened_members: int
     merged_members: int
     crossings: int
@@ -253,7 +257,7 @@ def _report(
             f"the solid has {volume:.6g} mm^3, its direct mesh {mesh.volume:.6g} mm^3: "
             f"a difference of {difference:.2%} instead of at most {LARGEST_VOLUME_DIFFERENCE:.2%}; use a smaller radius"
         )
-    crossings = crossing_tubes(prepared)
+    crossings, deviation = crossing_tubes(prepared), curve_deviation(prepared)
     plain = np.ones(len(truss.nodes), bool)
     plain[prepared.node_of_end[sizes.fillet <= 0]] = False
     return SolidReport(
@@ -268,13 +272,15 @@ def _report(
         members=len(truss.members),
         filleted_nodes=int(plain[used].sum()),
         fallback_nodes=dict(prepared.fallback_nodes),
+        creased_nodes=prepared.creased_nodes,
         raised_nodes=prepared.raised_nodes,
         reduced_nodes=prepared.reduced_nodes,
+        turned_ends=prepared.turned_ends,
         straightened_members=prepared.straightened_members,
         merged_members=prepared.changes.original_members - len(truss.members),
         crossings=len(crossings.depth),
-        curve_deviation_mm=float(curve_deviation(prepared).max()),
-        messages=prepared.messages + _warn_crossings(prepared, crossings),
+        curve_deviation_mm=float(deviation.max()),
+        messages=prepared.messages + _tell_deviations(prepared, deviation) + _warn_crossings(prepared, crossings),
     )
 
 
@@ -288,8 +294,8 @@ def mesh_bodies(mesh: TrussMesh) -> int:
 
 def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
     """Largest distance of each spine from the design curve, mm, by samples on both."""
-    spine = prepared.tubes.spine_points(np.linspace(0, 1, 9))
     design = prepared.design.points
+    spine = prepared.tubes.spine_points(np.linspace(0, 1, design.shape[1] // 2 + 1))
     worst = np.zeros(len(design))
     for k in range(spine.shape[1]):
         away = np.full(len(design), np.inf)
@@ -299,6 +305,19 @@ def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
             away = np.minimum(away, np.linalg.norm(spine[:, k] - a - t[:, None] * edge, axis=1))
         worst = np.maximum(worst, away)
     return worst
+
+
+def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[str, ...]:
+    truss = prepared.sized.truss
+    far = np.flatnonzero(deviation > prepared.tubes.radius_range[0])
+    if not len(far):
+        return ()
+    worst = far[np.argmax(deviation[far])]
+    name = truss.curves[truss.curve_of_member[worst]].name
+    return (
+        f"{len(far)} of {len(deviation)} members run farther than their radius from their design curve, "
+        f"at most {deviation[worst]:.3g} mm, on {name}",
+    )
 
 
 def _warn_crossings(prepared: PreparedTruss, crossings: Crossings) -> tuple[str, ...]:

@@ -11,13 +11,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
-SPACING = 0.24
+SPACING = 0.28
 """Angle between points inside the face, radians."""
 
 CLEARANCE = 0.6
 """Points inside the face keep this distance from the circles (relative to `SPACING`)."""
 
-LARGEST_CORRECTION = 0.05
+LARGEST_CORRECTION = 0.08
 """Inner points move outward by at most this fraction of R to give the polyhedron the sphere's volume."""
 
 ON_CAP = 1e-9

@@ -5,13 +5,13 @@ degenerated edge; the seam runs along a meridian that meets no cap but those of 
 centre of a cap: its circle is a line of constant latitude.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.interpolate import BSpline
+from jaxtyping import Bool, Float, Int
 
-from michell_cad.arrays import frozen
+from michell_cad.arrays import freeze
+from michell_cad.cad.fits import FINE_ENOUGH, FITS, Fitted
 
 POLE_MARGIN = 0.12
 """Angle between a pole and the nearest circle: nearer, the longitude changes too fast to be fitted."""
@@ -22,164 +22,184 @@ SEAM_MARGIN = 0.02
 CUT_MARGIN = 0.02
 """Angle on a circle between the seam's crossing and the nearest vertex."""
 
-DEGREE = 7
-FIT_POINTS = 43
-"""Degree and points of the splines that stand for circles in latitude and longitude."""
-
 
 @dataclass(frozen=True, eq=False)
-class Seam:
-    """Placement of one sphere's parameters.
-
-    `axis` points to the north pole, `zero` is the direction of longitude 0, where the seam runs from latitude `south`
-    to `north`. `south_cut` and `north_cut` are (cap, angle on its circle) where it meets caps, None at a free pole.
-    """
-
-    axis: Float[np.ndarray, " 3"]
-    zero: Float[np.ndarray, " 3"]
-    south: float
-    north: float
-    south_cut: tuple[int, float] | None
-    north_cut: tuple[int, float] | None
-
-
-def place_seam(
-    directions: Float[np.ndarray, "k 3"],
-    half_angles: Float[np.ndarray, " k"],
-    groups: Int[np.ndarray, " k"],
-    normals: Float[np.ndarray, "k 3"],
-    vertices: list[Float[np.ndarray, " _"]],
-) -> Seam | None:
-    """Find an axis and a meridian for the sphere of one node; None if there is none.
+class Seams:
+    """Placement of the parameters of n spheres.
 
     Parameters
     ----------
-    directions, half_angles : the caps.
-    groups : caps with the same number overlap, directly or through others.
-    normals : unit vectors to angle 0 of each circle.
-    vertices : angles of the vertices on each circle.
+    found : (n,) bool; the rest has no meaning where there is no place for a seam.
+    axis : (n, 3) float, unit vectors to the north poles.
+    zero : (n, 3) float, unit vectors to longitude 0, where the seam runs from south to north.
+    latitudes : (n, 2) float, where the seam starts and ends.
+    cap : (n, 2) int, the caps at whose circles it does, counted within the node; -1 at a free pole.
+    angle : (n, 2) float, and where on these circles.
     """
-    best, score = None, 0.0
-    for axes in (-directions, _tilted(directions, half_angles, normals)):
-        for axis in axes:
-            found = _try_axis(axis, directions, half_angles, groups)
-            if found is None or found[1] - found[0] <= max(score, 2 * SEAM_MARGIN):
-                continue
-            seam = _try_meridians(axis, found, directions, half_angles, normals, vertices)
-            if seam is not None:
-                best, score = seam, found[1] - found[0]
-        if best is not None:
-            return best
-    return None
+
+    found: Bool[np.ndarray, " n"]
+    axis: Float[np.ndarray, "n 3"]
+    zero: Float[np.ndarray, "n 3"]
+    latitudes: Float[np.ndarray, "n 2"]
+    cap: Int[np.ndarray, "n 2"]
+    angle: Float[np.ndarray, "n 2"]
+
+    def __post_init__(self) -> None:
+        freeze(self, found=bool, axis=np.float64, zero=np.float64, latitudes=np.float64)
+        freeze(self, cap=np.int64, angle=np.float64)
 
 
-def renumber_cuts(seam: Seam, numbers: Int[np.ndarray, " k"]) -> Seam:
-    """The seam with cap i called ``numbers[i]``."""
-    south, north = (cut and (int(numbers[cut[0]]), cut[1]) for cut in (seam.south_cut, seam.north_cut))
-    return replace(seam, south_cut=south, north_cut=north)
+def no_seams(n: int) -> dict[str, np.ndarray]:
+    """The columns of `Seams`, to be filled in, for n spheres without seam."""
+    return {
+        "found": np.zeros(n, bool),
+        "axis": np.zeros((n, 3)),
+        "zero": np.zeros((n, 3)),
+        "latitudes": np.zeros((n, 2)),
+        "cap": np.full((n, 2), -1),
+        "angle": np.zeros((n, 2)),
+    }
 
 
-def _tilted(d: np.ndarray, a: np.ndarray, N: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Caps:
+    """The caps of n nodes with k members each.
+
+    Parameters
+    ----------
+    directions, half_angles : (n, k, 3) and (n, k).
+    groups : (n, k) int, caps of a node with the same number overlap, directly or through others.
+    normals : (n, k, 3), unit vectors to angle 0 of each circle.
+    vertices : (n, k, v), angles of the vertices on each circle; filled up by repeating one.
+    """
+
+    directions: Float[np.ndarray, "n k 3"]
+    half_angles: Float[np.ndarray, "n k"]
+    groups: Int[np.ndarray, "n k"]
+    normals: Float[np.ndarray, "n k 3"]
+    vertices: Float[np.ndarray, "n k v"]
+
+    def rows(self, some: np.ndarray) -> "Caps":
+        """Some of the nodes."""
+        return Caps(*(getattr(self, f.name)[some] for f in fields(self)))
+
+
+def place_seams(caps: Caps) -> Seams:
+    """Find an axis and a meridian for each sphere: first through the centre of a cap, then through caps off centre."""
+    columns = no_seams(len(caps.directions))
+    _place_on_axes(caps, -caps.directions, columns)
+    if not columns["found"].all():
+        _place_on_axes(caps, _tilted(caps), columns)
+    return Seams(**columns)
+
+
+def _tilted(caps: Caps) -> np.ndarray:
     """Axes that run through caps off their centres."""
-    B = np.cross(d, N)
-    turn = np.linspace(0, 2 * np.pi, 7)[:-1]
-    arms = np.cos(turn)[:, None, None] * N + np.sin(turn)[:, None, None] * B
-    tilt = 0.5 * a[None, :, None]
-    return -(np.cos(tilt) * d + np.sin(tilt) * arms).reshape(-1, 3)
+    d, N = caps.directions[:, :, None], caps.normals[:, :, None]
+    turn = np.linspace(0, 2 * np.pi, 7)[:-1, None]
+    arms = np.cos(turn) * N + np.sin(turn) * np.cross(d, N)
+    tilt = 0.5 * caps.half_angles[:, :, None, None]
+    return -(np.cos(tilt) * d + np.sin(tilt) * arms).reshape(len(d), -1, 3)
 
 
-def _basis(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    x = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    x /= np.linalg.norm(x)
-    return x, np.cross(axis, x)
+def _place_on_axes(caps: Caps, axes: np.ndarray, columns: dict[str, np.ndarray]) -> None:
+    """Enter seams for nodes that have none, on one of their axes (n, j, 3): those with wide gaps between caps first."""
+    rows = np.flatnonzero(~columns["found"])
+    low, high = _widest_gaps(caps.rows(rows), axes[rows])
+    width = np.where(high - low > 2 * SEAM_MARGIN, high - low, -1.0)
+    order = np.argsort(-width, axis=1, kind="stable")
+    at = np.arange(len(rows))
+    for j in range(axes.shape[1]):
+        at = at[width[at, order[at, j]] > 0]
+        if not len(at):
+            break
+        k = order[at, j]
+        found = _try_meridians(caps.rows(rows[at]), axes[rows[at], k], low[at, k], high[at, k])
+        good = np.flatnonzero(found.found)
+        for name, column in columns.items():
+            column[rows[at[good]]] = getattr(found, name)[good]
+        at = at[~found.found]
 
 
-def _try_axis(axis: np.ndarray, d: np.ndarray, a: np.ndarray, groups: np.ndarray) -> tuple[float, float] | None:
-    """The widest free interval of longitudes (from the basis of the axis) between the caps, or None."""
-    north = np.arccos(np.clip(d @ axis, -1, 1))
-    from_south = np.pi - north
-    if min(np.abs(north - a).min(), np.abs(from_south - a).min()) < POLE_MARGIN:
-        return None
-    at_north, at_south = north < a, from_south < a
+def _bases(axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors normal to each axis (..., 3) and to each other."""
+    helper = np.eye(3)[np.argmin(np.abs(axes), axis=-1)]
+    x = np.cross(axes, helper)
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    return x, np.cross(axes, x)
+
+
+def _widest_gaps(caps: Caps, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The widest free interval of longitudes, from the basis of each axis; empty where an axis is not possible."""
+    d, a = caps.directions, caps.half_angles[:, None]
+    north = np.arccos(np.clip(axes @ d.transpose(0, 2, 1), -1, 1))
+    south = np.pi - north
+    possible = np.minimum(np.abs(north - a), np.abs(south - a)).min(2) >= POLE_MARGIN
+    at_north, at_south = north < a, south < a
     # One union of caps around both poles leaves no room for a seam.
-    if set(groups[at_north]) & set(groups[at_south]):
-        return None
+    same = caps.groups[:, None, :, None] == caps.groups[:, None, None, :]
+    possible &= ~(at_north[..., None] & at_south[..., None, :] & same).any((2, 3))
     rest = ~(at_north | at_south)
-    if not rest.any():
-        return -np.pi, np.pi
-    x, y = _basis(axis)
-    middle = np.arctan2(d[rest] @ y, d[rest] @ x)
-    half = np.arcsin(np.minimum(np.sin(a[rest]) / np.sin(north[rest]), 1.0))
-    order = np.argsort(middle - half)
-    low, high = (middle - half)[order], np.maximum.accumulate((middle + half)[order])
-    wrapped = max(high[-1] - 2 * np.pi, -np.inf)
-    opens = np.concatenate([high[:-1], [high[-1]]])
-    opens = np.maximum(opens, wrapped)
-    closes = np.concatenate([low[1:], [low[0] + 2 * np.pi]])
-    widest = int(np.argmax(closes - opens))
-    return (float(opens[widest]), float(closes[widest])) if closes[widest] > opens[widest] else None
+    x, y = _bases(axes)
+    middle = np.arctan2(y @ d.transpose(0, 2, 1), x @ d.transpose(0, 2, 1))
+    half = np.arcsin(np.minimum(np.sin(a) / np.maximum(np.sin(north), np.finfo(float).tiny), 1.0))
+    lower = np.where(rest, middle - half, np.inf)
+    order = np.argsort(lower, axis=2)
+    lower = np.take_along_axis(lower, order, axis=2)
+    upper = np.take_along_axis(np.where(rest, middle + half, -np.inf), order, axis=2)
+    opens = np.maximum(np.maximum.accumulate(upper, axis=2), upper.max(2, keepdims=True) - 2 * np.pi)
+    closes = np.concatenate([lower[..., 1:], np.full_like(lower[..., :1], np.inf)], axis=2)
+    closes = np.where(np.isinf(closes), lower[..., :1] + 2 * np.pi, closes)
+    with np.errstate(invalid="ignore"):
+        gap = np.where(np.isinf(lower), -np.inf, closes - opens)
+    widest = gap.argmax(2)[..., None]
+    free = ~rest.any(2)
+    low = np.where(free, -np.pi, np.take_along_axis(opens, widest, axis=2)[..., 0])
+    high = np.where(free, np.pi, np.take_along_axis(closes, widest, axis=2)[..., 0])
+    return np.where(possible, low, 0.0), np.where(possible, high, 0.0)
 
 
-def _try_meridians(axis, interval, d, a, N, vertices) -> Seam | None:
-    low, high = interval
-    x, y = _basis(axis)
-    width = high - low
-    # From the middle outwards.
-    for share in (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82):
-        longitude = low + share * width
-        zero = np.cos(longitude) * x + np.sin(longitude) * y
-        ends = []
-        for pole in (-axis, axis):
-            cut = _leave_caps(pole, zero, d, a, N)
-            if cut is not None:
-                cap, angle, _ = cut
-                gaps = np.abs(np.mod(angle - vertices[cap] + np.pi, 2 * np.pi) - np.pi)
-                if len(gaps) and gaps.min() < CUT_MARGIN:
-                    break
-            ends.append(cut)
-        if len(ends) == 2:
-            (south, north) = ends
-            return Seam(
-                axis,
-                zero,
-                -np.pi / 2 + (south[2] if south else 0.0),
-                np.pi / 2 - (north[2] if north else 0.0),
-                south[:2] if south else None,
-                north[:2] if north else None,
-            )
-    return None
+SHARES = np.array([0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82])
+"""Meridians that are tried, as shares of the free interval: from the middle outwards."""
 
 
-def _leave_caps(pole, zero, d, a, N) -> tuple[int, float, float] | None:
-    """Where the meridian from a pole to `zero` leaves the caps: (cap, angle on its circle, angle from the pole)."""
-    caps = np.flatnonzero(np.arccos(np.clip(d @ pole, -1, 1)) < a)
-    if not len(caps):
-        return None
-    p, m = d[caps] @ pole, d[caps] @ zero
-    away = np.arctan2(m, p) + np.arccos(np.clip(np.cos(a[caps]) / np.hypot(p, m), -1, 1))
-    last = int(np.argmax(away))
-    cap = int(caps[last])
-    q = np.cos(away[last]) * pole + np.sin(away[last]) * zero
-    angle = np.arctan2(q @ np.cross(d[cap], N[cap]), q @ N[cap])
-    return cap, float(np.mod(angle, 2 * np.pi)), float(away[last])
+def _try_meridians(caps: Caps, axis: np.ndarray, low: np.ndarray, high: np.ndarray) -> Seams:
+    """The first meridian in the interval that keeps away from the vertices where it leaves the caps of the poles."""
+    x, y = _bases(axis)
+    longitude = low[:, None] + SHARES * (high - low)[:, None]
+    zero = np.cos(longitude)[..., None] * x[:, None] + np.sin(longitude)[..., None] * y[:, None]
+    ok = np.ones(longitude.shape, bool)
+    cuts = []
+    for pole in (-axis, axis):
+        cap, angle, away = _leave_caps(caps, pole, zero)
+        vertices = np.take_along_axis(caps.vertices, np.maximum(cap, 0)[..., None], axis=1)
+        gap = np.abs(np.mod(angle[..., None] - vertices + np.pi, 2 * np.pi) - np.pi).min(2)
+        ok &= (cap < 0) | (gap >= CUT_MARGIN)
+        cuts.append((cap, angle, away))
+    n, first = np.arange(len(axis)), ok.argmax(1)
+    cap, angle, away = (np.stack([cut[k][n, first] for cut in cuts], axis=1) for k in range(3))
+    latitudes = np.array([-np.pi / 2, np.pi / 2]) + np.array([1, -1]) * away
+    return Seams(ok.any(1), axis, zero[n, first], latitudes, cap, angle)
 
 
-def _averaged_knots(x: np.ndarray) -> np.ndarray:
-    """Clamped knots for interpolation at x (de Boor)."""
-    inner = np.array([x[i + 1 : i + 1 + DEGREE].mean() for i in range(len(x) - DEGREE - 1)])
-    return np.concatenate([np.zeros(DEGREE + 1), inner, np.ones(DEGREE + 1)])
-
-
-_UNIFORM = np.linspace(0, 1, FIT_POINTS)
-# Denser towards the ends, where a spline errs most.
-_POINTS = 0.7 * _UNIFORM + 0.3 * (1 - np.cos(np.pi * _UNIFORM)) / 2
-
-FIT_KNOTS = frozen(_averaged_knots(_POINTS))
-"""Knots of the fitted pcurves on [0, 1]."""
-
-_FIT = np.linalg.inv(BSpline.design_matrix(_POINTS, FIT_KNOTS, DEGREE).toarray())
-_CHECK_POINTS = (_POINTS[1:] + _POINTS[:-1]) / 2
-_CHECK = BSpline.design_matrix(_CHECK_POINTS, FIT_KNOTS, DEGREE).toarray()
+def _leave_caps(caps: Caps, pole: np.ndarray, zero: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where meridians from a pole to `zero` (n, j, 3) leave the caps: cap (or -1), angle on its circle and from the
+    pole."""
+    d, a = caps.directions, caps.half_angles
+    inside = (np.arccos(np.clip(np.einsum("nkd,nd->nk", d, pole), -1, 1)) < a)[:, None]
+    p, m = np.einsum("nkd,nd->nk", d, pole)[:, None], zero @ d.transpose(0, 2, 1)
+    length = np.maximum(np.hypot(p, m), np.finfo(float).tiny)
+    away = np.arctan2(m, p) + np.arccos(np.clip(np.cos(a)[:, None] / length, -1, 1))
+    away = np.where(inside, away, -np.inf)
+    cap = away.argmax(2)
+    farthest = np.take_along_axis(away, cap[..., None], axis=2)[..., 0]
+    none = np.isinf(farthest)
+    farthest = np.where(none, 0.0, farthest)
+    q = np.cos(farthest)[..., None] * pole[:, None] + np.sin(farthest)[..., None] * zero
+    rows = np.arange(len(d))[:, None]
+    N, at = caps.normals[rows, cap], d[rows, cap]
+    angle = np.arctan2((q * np.cross(at, N)).sum(-1), (q * N).sum(-1))
+    return np.where(none, -1, cap), np.mod(angle, 2 * np.pi), farthest
 
 
 def fit_longitudes(
@@ -188,8 +208,8 @@ def fit_longitudes(
     circle_frames: Float[np.ndarray, "n 3 3"],
     half_angles: Float[np.ndarray, " n"],
     ranges: Float[np.ndarray, "n 2"],
-) -> tuple[Float[np.ndarray, "n p 2"], Float[np.ndarray, " n"]]:
-    """Poles, on `FIT_KNOTS`, of the (longitude, latitude) of circular arcs on spheres, and their deviation in mm.
+) -> Fitted:
+    """Pcurves (longitude, latitude) of circular arcs on spheres, each by the smallest of `FITS` that is fine enough.
 
     Parameters
     ----------
@@ -199,29 +219,35 @@ def fit_longitudes(
     half_angles : of the caps inside the circles.
     ranges : first and last angle of the arcs. No arc crosses longitude 0 but at its ends.
     """
+    fit, deviation, poles = np.zeros(len(R), int), np.zeros(len(R)), []
+    rows = np.arange(len(R))
+    for number, one in enumerate(FITS):
+        arcs = circle_frames[rows], half_angles[rows], ranges[rows]
+        found = np.einsum("px,nxd->npd", one.to_poles, _longitudes(_arc(*arcs, one.places), sphere_frames[rows]))
+        longitude, latitude = np.moveaxis(one.halfway(found), -1, 0)
+        on_sphere = np.stack(
+            [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
+        )
+        expected = np.einsum("nxd,nkd->nxk", _arc(*arcs, one.between), sphere_frames[rows])
+        missed = np.linalg.norm(on_sphere - expected, axis=-1).max(1)
+        done = (missed <= FINE_ENOUGH) | (number == len(FITS) - 1)
+        fit[rows[done]], deviation[rows[done]] = number, R[rows[done]] * missed[done]
+        poles.append(found[done])
+        rows = rows[~done]
+    return Fitted(fit, poles, deviation)
 
-    def locate(x: np.ndarray) -> np.ndarray:
-        theta = ranges[:, :1] + (ranges[:, 1:] - ranges[:, :1]) * x
-        N, B, d = circle_frames.transpose(1, 0, 2)[:, :, None]
-        a = half_angles[:, None, None]
-        q = np.cos(a) * d + np.sin(a) * (np.cos(theta)[..., None] * N + np.sin(theta)[..., None] * B)
-        return np.einsum("nxd,nkd->nxk", q, sphere_frames)
 
-    q = locate(_POINTS)
+def _arc(circle_frames: np.ndarray, half_angles: np.ndarray, ranges: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Unit vectors at the places x along arcs of circles."""
+    theta = ranges[:, :1] + (ranges[:, 1:] - ranges[:, :1]) * x
+    N, B, d = circle_frames.transpose(1, 0, 2)[:, :, None]
+    a = half_angles[:, None, None]
+    return np.cos(a) * d + np.sin(a) * (np.cos(theta)[..., None] * N + np.sin(theta)[..., None] * B)
+
+
+def _longitudes(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Longitude, continuous along each row and from 0 to 2 pi in its middle, and latitude."""
+    q = np.einsum("nxd,nkd->nxk", points, frames)
     u = np.unwrap(np.arctan2(q[..., 1], q[..., 0]), axis=1)
-    u -= 2 * np.pi * np.floor(u[:, FIT_POINTS // 2] / (2 * np.pi))[:, None]
-    v = np.arcsin(np.clip(q[..., 2], -1, 1))
-    poles = np.einsum("px,nxk->npk", _FIT, np.stack([u, v], axis=-1))
-    fitted = np.einsum("xp,npk->nxk", _CHECK, poles)
-    longitude, latitude = fitted[..., 0], fitted[..., 1]
-    on_sphere = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
-    )
-    deviation = R * np.linalg.norm(on_sphere - locate(_CHECK_POINTS), axis=-1).max(1) if len(R) else np.zeros(0)
-    return poles, deviation
-
-
-def fit_sines(t_range: tuple[float, float], middle: float, sign: float, size: float) -> Float[np.ndarray, "1 p 2"]:
-    """Poles of (angle, height) = (middle + sign t, size cos t) on `FIT_KNOTS`: an ellipse seen from its cylinder."""
-    t = t_range[0] + (t_range[1] - t_range[0]) * _POINTS
-    return (_FIT @ np.stack([middle + sign * t, size * np.cos(t)], axis=-1))[None]
+    u -= 2 * np.pi * np.floor(u[:, u.shape[1] // 2] / (2 * np.pi))[:, None]
+    return np.stack([u, np.arcsin(np.clip(q[..., 2], -1, 1))], axis=-1)

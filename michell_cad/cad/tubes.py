@@ -2,27 +2,30 @@
 
 The spine follows the design curve. It starts where the direction of the end pierces the circle's plane, at
 node + reach * direction, a little off the design curve if that is bent; the offset fades out along the member with the
-quintic step (1 - t)^3 (1 + 3 t + 6 t^2). Circles of radius r(t) (`member_radius`) stand on the spine at `SECTIONS`
-places, in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513). The surface
-is a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so that it leaves
-both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are tangent.
+quintic step (1 - t)^3 (1 + 3 t + 6 t^2). Circles of radius r(t) (`member_radius`) stand on the spine at 5 to 33 places
+(`SECTION_COUNTS`), in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513).
+The surface is a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so
+that it leaves both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are
+tangent.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
 from michell_cad.truss import member_radius
 
-SECTIONS = 7
-"""Circles per tube."""
+SECTION_COUNTS = (5, 9, 17, 33)
+"""Circles per tube: the first number whose spine keeps within `FOLLOWS` of what it should follow."""
 
-KNOTS = np.concatenate([np.zeros(4), np.linspace(0, 1, SECTIONS)[1:-1], np.ones(4)])
-"""Knots along a tube, cubic."""
+FOLLOWS = 0.1
+"""Largest distance between a spine and its goal, halfway between its circles (relative to the smallest radius)."""
 
 AROUND = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], float)
 """The poles of a circle as a rational quadratic spline, in its plane, for radius 1."""
@@ -36,11 +39,30 @@ AROUND_KNOTS = np.repeat(np.linspace(0, 1, 5), [3, 2, 2, 2, 3])
 STRAIGHT = 1e-9
 """A tube whose sections leave a cylinder by less than this is one (relative to its radius)."""
 
-_STEP = np.linspace(0, 1, SECTIONS)
-_VALUES = BSpline.design_matrix(_STEP, KNOTS, 3).toarray()
-_SLOPES = BSpline(KNOTS, np.eye(SECTIONS + 2), 3).derivative()(_STEP)
-_CURVATURES = BSpline(KNOTS, np.eye(SECTIONS + 2), 3).derivative(2)(_STEP)
-_FIT = np.linalg.inv(np.concatenate([_VALUES, _SLOPES[[0, -1]]]))
+
+@cache
+def tube_knots(count: int) -> Float[np.ndarray, " k"]:
+    """Knots along a tube with so many circles, cubic."""
+    return np.concatenate([np.zeros(4), np.linspace(0, 1, count)[1:-1], np.ones(4)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Bases:
+    """Matrices for tubes with so many circles: from circles and end slopes to poles, slopes and curvatures there."""
+
+    fit: np.ndarray
+    slopes: np.ndarray
+    end_curvatures: np.ndarray
+
+
+@cache
+def _bases(count: int) -> _Bases:
+    knots, step = tube_knots(count), np.linspace(0, 1, count)
+    splines = BSpline(knots, np.eye(count + 2), 3)
+    slopes = splines.derivative()(step)
+    values = BSpline.design_matrix(step, knots, 3).toarray()
+    fit = np.linalg.inv(np.concatenate([values, slopes[[0, -1]]]))
+    return _Bases(fit, slopes, splines.derivative(2)(step)[[0, -1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,35 +71,72 @@ class Tubes:
 
     Parameters
     ----------
-    spines : (n_m, 9, 3) float, mm, poles of the spines on `KNOTS`.
-    poles : (n_m, 9, 9, 3) float, mm: around, along. Weights are `WEIGHTS` around.
-    frames : (n_m, 7, 3, 3) float, rows N, B, T of the sections.
-    radii : (n_m, 7) float, mm, of the sections.
+    sections : (n_m,) int, number of circles k.
+    spines : for each member (k + 2, 3) float, mm, poles of the spine on `tube_knots`.
+    poles : for each member (9, k + 2, 3) float, mm: around, along. Weights are `WEIGHTS` around.
+    end_normals : (n_m, 2, 3) float, unit vectors to angle 0 at both ends.
+    radii : (n_m, 3) float, mm, at the start, in the middle and at the end.
     straight : (n_m,) bool, whether the tube is a cylinder.
     """
 
-    spines: Float[np.ndarray, "n_m c 3"]
-    poles: Float[np.ndarray, "n_m 9 c 3"]
-    frames: Float[np.ndarray, "n_m s 3 3"]
-    radii: Float[np.ndarray, "n_m s"]
+    sections: Int[np.ndarray, " n_m"]
+    spines: Sequence[np.ndarray]
+    poles: Sequence[np.ndarray]
+    end_normals: Float[np.ndarray, "n_m 2 3"]
+    radii: Float[np.ndarray, "n_m 3"]
     straight: Bool[np.ndarray, " n_m"]
 
     def __post_init__(self) -> None:
-        freeze(self, spines=np.float64, poles=np.float64, frames=np.float64, radii=np.float64, straight=bool)
+        freeze(self, sections=np.int64, end_normals=np.float64, radii=np.float64, straight=bool)
+
+    def of_count(self, count: int) -> Int[np.ndarray, " k"]:
+        """Members with so many circles."""
+        return np.flatnonzero(self.sections == count)
+
+    def radii_at(self, t: Float[np.ndarray, " j"]) -> Float[np.ndarray, "n_m j"]:
+        """Radii at the parameters `t` in [0, 1], mm."""
+        return member_radius(self.radii[:, None], t)
+
+    @cached_property
+    def radius_range(self) -> tuple[Float[np.ndarray, " n_m"], Float[np.ndarray, " n_m"]]:
+        """Smallest and largest radius of each tube, mm."""
+        radii = self.radii_at(np.linspace(0, 1, 9))
+        return radii.min(1), radii.max(1)
 
     def spine_points(self, t: Float[np.ndarray, " j"]) -> Float[np.ndarray, "n_m j 3"]:
         """Points of the spines at the parameters `t` in [0, 1]."""
-        return np.einsum("tc,mcd->mtd", BSpline.design_matrix(t, KNOTS, 3).toarray(), self.spines)
+        points = np.empty((len(self.sections), len(t), 3))
+        for count in np.unique(self.sections).tolist():
+            members = self.of_count(count)
+            along = BSpline.design_matrix(t, tube_knots(count), 3).toarray()
+            points[members] = along @ np.array([self.spines[m] for m in members])
+        return points
 
     def surface_points(
-        self, angles: Float[np.ndarray, " i"], t: Float[np.ndarray, " j"], scale: float = 1.0
+        self, angles: Float[np.ndarray, " i"], t: Float[np.ndarray, " j"]
     ) -> Float[np.ndarray, "n_m j i 3"]:
-        """Points of the surfaces at the angles around and parameters along, widened by `scale` about the spine."""
+        """Points of the surfaces at the angles around and parameters along."""
         weighted = circle_basis(angles) * WEIGHTS
         weighted /= weighted.sum(1, keepdims=True)
-        along = BSpline.design_matrix(t, KNOTS, 3).toarray()
-        points = np.einsum("ia,macd,jc->mjid", weighted, self.poles, along, optimize=True)
-        return points if scale == 1 else points + (scale - 1) * (points - self.spine_points(t)[:, :, None])
+        points = np.empty((len(self.sections), len(t), len(angles), 3))
+        for count in np.unique(self.sections).tolist():
+            members = self.of_count(count)
+            along = BSpline.design_matrix(t, tube_knots(count), 3).toarray()
+            poles = np.array([self.poles[m] for m in members])
+            points[members] = weighted @ np.tensordot(along, poles, (1, 2)).transpose(1, 0, 2, 3)
+        return points
+
+    def some(self, members: Int[np.ndarray, " k"]) -> "Tubes":
+        """Some of the tubes."""
+        spines, poles = ([column[m] for m in members] for column in (self.spines, self.poles))
+        return Tubes(
+            self.sections[members],
+            spines,
+            poles,
+            self.end_normals[members],
+            self.radii[members],
+            self.straight[members],
+        )
 
 
 def circle_basis(angles: Float[np.ndarray, " i"]) -> Float[np.ndarray, "i 9"]:
@@ -112,48 +171,102 @@ def fit_tubes(
     radii : radius at start, middle and end of each tube, mm.
     phase : rotation of the first circle's zero angle about the member, radians.
     """
-    d = centerlines.directions
-    ends = starts + reach[..., None] * d
-    sections = _spine_sections(centerlines, ends, reach)
-    chord = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    speed = np.maximum(np.linalg.norm(np.diff(sections, axis=1), axis=2).sum(1), chord)
-    slopes = np.stack([d[:, 0], -d[:, 1]], axis=1) * speed[:, None, None]
-    spines = np.einsum("cs,msd->mcd", _FIT, np.concatenate([sections, slopes], axis=1))
-    T = np.einsum("sc,mcd->msd", _SLOPES, spines)
+    n = len(starts)
+    ends = starts + reach[..., None] * centerlines.directions
+    sections, straight = np.zeros(n, int), np.zeros(n, bool)
+    spines: list[np.ndarray] = [np.zeros((0, 3))] * n
+    poles, end_normals = spines.copy(), np.zeros((n, 2, 3))
+    rows = np.arange(n)
+    for count in SECTION_COUNTS:
+        goal = _Goal(Centerlines(centerlines.points[rows], centerlines.directions[rows]), ends[rows], reach[rows])
+        spine = _fit_spines(goal, count)
+        good = np.flatnonzero(_follows(goal, spine, count, radii[rows].min(1)) | (count == SECTION_COUNTS[-1]))
+        m = rows[good]
+        some = _Goal(Centerlines(centerlines.points[m], centerlines.directions[m]), ends[m], reach[m])
+        found, normals, straight[m] = _fit_surfaces(some, spine[good], radii[m], phase[m], count)
+        sections[m], end_normals[m] = count, normals
+        for i, one, surface in zip(m.tolist(), spine[good], found, strict=True):
+            spines[i], poles[i] = one, surface
+        rows = np.delete(rows, good)
+    return Tubes(sections, spines, poles, end_normals, radii, straight)
+
+
+@dataclass(frozen=True, eq=False)
+class _Goal:
+    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3)."""
+
+    lines: Centerlines
+    ends: np.ndarray
+    reach: np.ndarray
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """Length from circle to circle."""
+        chord = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+        points = self.at(np.linspace(0, 1, self.lines.points.shape[1] // 2 + 1))
+        return np.maximum(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1), chord)
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """Derivatives of the spines at both ends, (n_m, 2, 3)."""
+        d = self.lines.directions
+        return np.stack([d[:, 0], -d[:, 1]], axis=1) * self.speed[:, None, None]
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """Points (n_m, j, 3) at the parameters t."""
+        # At least a trace of every curve is left, however much its nodes take.
+        share = self.reach / np.maximum(self.lines.lengths, self.reach.sum(1) / 0.98)[:, None]
+        s_0, s_1 = share[:, :1], 1 - share[:, 1:]
+        fade = (1 - t) ** 3 * (1 + 3 * t + 6 * t**2)
+        back = t**3 * (1 + 3 * (1 - t) + 6 * (1 - t) ** 2)
+        points = self.lines.at(s_0 + (s_1 - s_0) * np.r_[0.0, t, 1.0])
+        first, last = self.ends[:, 0] - points[:, 0], self.ends[:, 1] - points[:, -1]
+        return points[:, 1:-1] + fade[None, :, None] * first[:, None] + back[None, :, None] * last[:, None]
+
+
+def _fit_spines(goal: _Goal, count: int) -> np.ndarray:
+    sections = goal.at(np.linspace(0, 1, count))
+    return _bases(count).fit @ np.concatenate([sections, goal.slopes], axis=1)
+
+
+def _follows(goal: _Goal, spines: np.ndarray, count: int, r: np.ndarray) -> np.ndarray:
+    """Whether the spines keep to their goal halfway between the circles, also between those of a finer tube."""
+    t = np.linspace(0, 1, 4 * count - 3)[1:-1]
+    found = BSpline.design_matrix(t, tube_knots(count), 3).toarray() @ spines
+    return np.linalg.norm(found - goal.at(t), axis=2).max(1) <= FOLLOWS * r
+
+
+def _fit_surfaces(goal: _Goal, spines: np.ndarray, radii: np.ndarray, phase: np.ndarray, count: int):
+    """Poles of the surfaces around spines, normals at their ends, and whether they are cylinders."""
+    bases, step = _bases(count), np.linspace(0, 1, count)
+    sections, slopes, d = goal.at(step), goal.slopes, goal.lines.directions
+    T = bases.slopes @ spines
     T /= np.linalg.norm(T, axis=2, keepdims=True)
     T[:, 0], T[:, -1] = d[:, 0], -d[:, 1]
     N = _transport(sections, T, phase)
-    B = np.cross(T, N)
-    r = member_radius(radii[:, None, :], _STEP[None])
-    arms = np.einsum("ak,kmsd->masd", AROUND, np.stack([N, B]))
+    r = member_radius(radii[:, None, :], step[None])
+    arms = np.einsum("ak,kmsd->masd", AROUND, np.stack([N, np.cross(T, N)]))
     rings = sections[:, None] + r[:, None, :, None] * arms
-    curvature = np.einsum("sc,mcd->msd", _CURVATURES[[0, -1]], spines) / speed[:, None, None] ** 2
+    curvature = bases.end_curvatures @ spines / goal.speed[:, None, None] ** 2
     bend = np.einsum("masd,msd->mas", arms[:, :, [0, -1]], curvature) * r[:, None, [0, -1]]
     # A ring turns with the spine: its points advance by 1 - r k (arm), yet all along the tangent.
     advance = np.maximum(1 - bend, 0.1)[..., None] * slopes[:, None]
-    poles = np.einsum("cs,masd->macd", _FIT, np.concatenate([rings, advance], axis=2))
-    straight = _is_straight(sections, d, r)
-    return Tubes(spines, poles, np.stack([N, B, T], axis=2), r, straight)
+    poles = bases.fit @ np.concatenate([rings, advance], axis=2)
+    return poles, N[:, [0, -1]], _is_straight(sections, d, r)
 
 
 def pinched_tubes(tubes: Tubes) -> Bool[np.ndarray, " n_m"]:
     """Tubes that bend more sharply than their radius allows: somewhere their surface runs backwards."""
-    t = np.linspace(0, 1, 4 * SECTIONS)
-    points = tubes.surface_points(np.linspace(0, 2 * np.pi, 13)[:-1], t)
-    spine = tubes.spine_points(t)
-    step = np.diff(points, axis=1)
-    forward = np.einsum("mjid,mjd->mji", step, np.diff(spine, axis=1))
-    return (forward <= 0.05 * np.linalg.norm(np.diff(spine, axis=1), axis=2)[..., None] ** 2).any((1, 2))
-
-
-def _spine_sections(centerlines: Centerlines, ends: np.ndarray, reach: np.ndarray) -> np.ndarray:
-    # At least a trace of every curve is left, however much its nodes take.
-    share = reach / np.maximum(centerlines.lengths, reach.sum(1) / 0.98)[:, None]
-    s_0, s_1 = share[:, :1], 1 - share[:, 1:]
-    sections = centerlines.at(s_0 + (s_1 - s_0) * _STEP)
-    fade = (1 - _STEP) ** 3 * (1 + 3 * _STEP + 6 * _STEP**2)
-    first, last = ends[:, 0] - sections[:, 0], ends[:, 1] - sections[:, -1]
-    return sections + fade[None, :, None] * first[:, None] + fade[None, ::-1, None] * last[:, None]
+    pinched = np.zeros(len(tubes.sections), bool)
+    for count in np.unique(tubes.sections).tolist():
+        members = tubes.of_count(count)
+        some, t = tubes.some(members), np.linspace(0, 1, 4 * count)
+        step = np.diff(some.spine_points(t), axis=1)
+        forward = np.einsum(
+            "mjid,mjd->mji", np.diff(some.surface_points(np.linspace(0, 2 * np.pi, 13)[:-1], t), axis=1), step
+        )
+        pinched[members] = (forward <= 0.05 * np.linalg.norm(step, axis=2)[..., None] ** 2).any((1, 2))
+    return pinched
 
 
 def _transport(points: np.ndarray, T: np.ndarray, phase: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from michell_cad.cad import prepare
 from michell_cad.cad.clearance import crossing_members, crossing_spheres, crossing_tubes
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.solid import build_solid
@@ -26,7 +27,8 @@ def skew(gap: float, radius: float = 1.0) -> SizedTruss:
 
 
 @pytest.mark.parametrize("gap", [0.0, 1.0, 1.8])
-def test_depth_of_a_crossing(gap) -> None:
+def test_depth_of_a_crossing(gap, monkeypatch) -> None:
+    monkeypatch.setattr(prepare, "resolve_crossings", lambda prepared: ([], []))
     thick = skew(gap)
     for found in (crossing_members(thick, fit_splines(thick.truss)), crossing_tubes(prepare_truss(thick, Knobs()))):
         assert found.members.tolist() == [[0, 1]]
@@ -49,8 +51,20 @@ def test_members_of_one_node_do_not_cross() -> None:
     assert not len(crossing_tubes(prepare_truss(grid, Knobs())).depth)
 
 
-def test_a_crossing_far_from_nodes_is_reported_with_both_labels() -> None:
+def test_a_crossing_far_from_nodes_becomes_a_node() -> None:
+    """Both members are led through a new node where they cross; they become one solid, and it is said."""
     report = build_solid(skew(0.5), Knobs()).report
+    assert report.crossings == 0
+    assert (report.solids, report.nodes, report.members) == (1, 5, 4)
+    assert report.fallback_nodes == {"merged": 1}
+    assert any("1 nodes were added" in text for text in report.messages)
+
+
+def test_a_crossing_without_room_for_a_node_is_reported_with_both_labels() -> None:
+    """The members cross 2.9 radii from their ends: too near for a node, too far to be led through an end."""
+    thick = skew(0.5)
+    nodes = np.array(thick.truss.nodes) + [[7.2, 0, 0], [7.2, 0, 0], [0, 7.2, 0], [0, 7.2, 0]]
+    report = build_solid(SizedTruss(dataclasses.replace(thick.truss, nodes=nodes), thick.radii), Knobs()).report
     assert report.crossings == 1
     warning = report.messages[-1]
     assert warning.startswith("WARNING")

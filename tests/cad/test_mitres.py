@@ -68,8 +68,7 @@ def test_corner_angles_are_those_of_the_pieces() -> None:
     normals = normals_of(d)
     mitre = cut_mitre(d, normals, 1.8, 1.0)
     assert mitre is not None
-    for e in range(3):
-        found = corner_angles(e, d, normals[e], 1.8, 1.0)
+    for e, found in enumerate(corner_angles(d, normals, 1.8, 1.0)):
         starts = np.array([piece.start for piece in mitre.pieces[e]])
         assert all(np.abs(starts - u).min() < 1e-12 for u in found)
 

@@ -1,10 +1,14 @@
 """Node spheres against the formulas that they obey."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from michell_cad.cad.nodes import (
+    LARGEST_RATIO,
     MARGIN,
+    SHARPEST_TURN,
     NodeSizes,
     angles_between,
     cap_angle,
@@ -64,35 +68,43 @@ def test_room_at_rest() -> None:
     assert sizes.reach == pytest.approx(np.sqrt((3.6 + 0.8) ** 2 - (2.0 + 0.8) ** 2))
 
 
-def test_sphere_grows_then_fillets_shrink_then_members_are_mitred() -> None:
-    grown, shrunk, mitred = (sizes_of(at_angle(a), 1.0) for a in (55.0, 46.0, 30.0))
-    assert 1.8 < grown.radius[0] <= 3.0
-    assert grown.fillet == pytest.approx([0.4, 0.4])
-    assert 0 < shrunk.fillet[0] < 0.4
-    assert not shrunk.mitred.any()
-    assert mitred.mitred.all()
-    assert mitred.fillet == pytest.approx([0, 0])
-    # The tip of the mitre, and a tenth of the radius beyond it.
-    assert mitred.reach == pytest.approx(1 / np.tan(np.radians(15.0)) + 0.1)
-    assert mitred.rival.tolist() == [1, 0]
+def test_sphere_grows_then_members_are_creased() -> None:
+    grown, creased, acute = (sizes_of(at_angle(a), 1.0) for a in (62.0, 55.0, 20.0))
+    assert 1.8 < grown.radius[0] <= LARGEST_RATIO
+    assert not grown.creased.any()
+    assert creased.creased.all()
+    assert creased.fillet == pytest.approx([0.4, 0.4])
+    # The tip of the ball's way, and a tenth of the radius beyond it.
+    assert creased.reach == pytest.approx(1.4 / np.tan(np.radians(27.5)) + 0.1)
+    assert creased.rival.tolist() == [1, 0]
+    # The ball keeps to the bend of its way: f = 0.7 (r + f) sin(alpha / 2).
+    f = acute.fillet[0]
+    assert f == pytest.approx(SHARPEST_TURN * (1 + f) * np.sin(np.radians(10.0)))
 
 
-def test_blunt_mitres_reach_beyond_their_tips_too() -> None:
-    """At a small sphere, members more than a right angle apart can still be mitred."""
+def test_without_fillets_members_still_meet() -> None:
+    sizes = sizes_of(at_angle(30), 1.0, fillet_ratio=0.0)
+    assert sizes.creased.all()
+    assert sizes.fillet == pytest.approx([0, 0])
+    assert sizes.reach == pytest.approx(1 / np.tan(np.radians(15.0)) + 0.1)
+
+
+def test_blunt_creases_reach_beyond_their_tips_too() -> None:
+    """At a small sphere, members more than a right angle apart can still be creased."""
     sizes = sizes_of(at_angle(92), 1.0, level=3)
-    assert sizes.mitred.all()
+    assert sizes.creased.all()
     assert (sizes.reach > 1 / np.tan(np.radians(46.0))).all()
 
 
-def test_mitred_members_share_the_largest_radius() -> None:
+def test_creased_members_share_the_largest_radius() -> None:
     sizes = sizes_of([*at_angle(20), [-1, 0, 0]], [1.0, 0.5, 0.5])
-    assert sizes.mitred.tolist() == [True, True, False]
+    assert sizes.creased.tolist() == [True, True, False]
     assert sizes.end_radius == pytest.approx([1.0, 1.0, 0.5])
 
 
 def test_smaller_levels_take_less_room() -> None:
     reaches = [sizes_of(np.eye(3), 1.0, level=level).reach.max() for level in range(len(node_levels(1.8)))]
-    assert reaches == sorted(reaches, reverse=True)
+    assert all(after < 1.02 * before for before, after in pairwise(reaches))
     assert reaches[-1] < 0.7 * reaches[0]
 
 
@@ -107,5 +119,5 @@ def test_caps_are_clear_or_overlap_clearly(seed) -> None:
     a = cap_angle(sizes.radius[0], sizes.end_radius, sizes.fillet)
     first, second = end_pairs(np.zeros(len(d), int))
     gap = angles_between(d[first], d[second]) - a[first] - a[second]
-    both = sizes.mitred[first] & sizes.mitred[second]
+    both = sizes.creased[first] & sizes.creased[second]
     assert ((gap >= MARGIN - 1e-6) | (both & (gap < -0.9 * 2 * MARGIN))).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from michell_cad.cad.simplify import simplify_truss
+from michell_cad.cad.simplify import Joint, simplify_truss
 from michell_cad.curves import Curve, CurveKind, NodeKind
 from michell_cad.truss import SizedTruss, Truss
 from tests.cad.layouts import grid_truss, sized
@@ -60,8 +60,8 @@ def test_detour_leads_a_member_through_a_node() -> None:
     sized, _ = simplify_truss(fork, [], [(member, 1)])
     assert sized.truss.members.tolist() == [[0, 1], [1, 2]]
     assert [curve.nodes.tolist() for curve in sized.truss.curves] == [[0, 1], [0, 1, 2]]
-    # The rest of the member takes its radii, the shared part keeps its own.
-    assert sized.radii.tolist() == [[1, 2, 3], [1, 2, 3]]
+    # The rest of the member takes its radii from the middle on, the shared part keeps its own.
+    assert sized.radii.tolist() == [[1, 2, 3], [2, 2.5, 3]]
 
 
 def test_steps_to_and_fro_vanish() -> None:
@@ -117,3 +117,17 @@ def test_random_changes_leave_a_truss(seed) -> None:
     names = [curve.name for curve in tight.truss.curves]
     assert len(set(names)) == len(names)
     assert set(names) <= labels
+
+
+def test_members_joined_in_a_new_node() -> None:
+    """Two crossing members share a node afterwards: labels and radii stay, the node is numbered after the others."""
+    cross = truss_of([[-1, 0, 0], [1, 0, 0], [0, -1, 0.1], [0, 1, 0.1]], [[0, 1], [2, 3]])
+    sized, number = simplify_truss(cross, [], [], [Joint((0.0, 0.0, 0.05), NodeKind.BOUNDARY, (0, 1))])
+    assert number.tolist() == [0, 1, 2, 3, 4]
+    assert sized.truss.nodes[4] == pytest.approx([0, 0, 0.05])
+    assert sized.truss.node_kinds[4] == NodeKind.BOUNDARY
+    assert sized.truss.members.tolist() == [[0, 4], [1, 4], [2, 4], [3, 4]]
+    assert [curve.nodes.tolist() for curve in sized.truss.curves] == [[0, 4, 1], [2, 4, 3]]
+    # From the ends, 1 or 3, to the radius 2 in the middle.
+    assert sized.radii[:, 0] == pytest.approx([1, 3, 1, 3])
+    assert sized.radii[:, 2] == pytest.approx(2)

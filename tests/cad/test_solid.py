@@ -68,7 +68,7 @@ def test_entasis_in_closed_form() -> None:
     bulged = build_solid(star(AXES[:1], radius=np.array([[1, 1 + e, 1]])), PLAIN).report.volume_mm3
     _, H = branch_volume(1.8, 1.0, 0.0)
     expected = np.pi * (10 - 2 * H) * (16 * e / 15 + 256 * e**2 / 630)
-    assert bulged - plain == pytest.approx(expected, rel=2e-3)
+    assert bulged - plain == pytest.approx(expected, rel=6e-3)
 
 
 def test_grid_is_valid_and_has_the_genus_of_its_graph() -> None:
@@ -94,24 +94,29 @@ def test_ugly_grids(seed) -> None:
 
 def test_random_stars() -> None:
     rng = np.random.default_rng(7)
-    kinds = set()
+    creased = 0
     for _ in range(12):
         n = int(rng.integers(2, 9))
         directions, radii = rng.normal(size=(n, 3)), rng.uniform(0.3, 0.7, n)
         report = build_solid(star(directions, radius=radii), Knobs()).report
         assert report.mesh_volume_mm3 == pytest.approx(report.volume_mm3, rel=2e-3)
-        kinds |= set(report.fallback_nodes)
-    assert "mitred" in kinds
+        assert report.fallback_nodes.keys() <= {"merged"}
+        assert report.filleted_nodes == report.nodes
+        creased += report.creased_nodes
+    assert creased >= 6
 
 
 @pytest.mark.parametrize("angle", [12.0, 20.0, 30.0, 40.0, 50.0, 75.0])
-def test_two_members_at_any_angle(angle) -> None:
+@pytest.mark.parametrize("fillet", [0.0, 0.4])
+def test_two_members_at_any_angle(angle, fillet) -> None:
     half = np.radians(angle) / 2
     pair = [[np.cos(half), np.sin(half), 0], [np.cos(half), -np.sin(half), 0], [-1, 0, 0]]
-    report = build_solid(star(pair, length=14.0, radius=0.7), Knobs()).report
+    report = build_solid(star(pair, length=14.0, radius=0.7), Knobs(fillet_ratio=fillet)).report
     assert report.valid
     assert report.genus == 0
-    assert report.fallback_nodes == ({"mitred": 1} if angle < 43 else {})
+    sharp = fillet == 0 and angle < 45
+    assert report.fallback_nodes == ({"mitred": 1} if sharp else {})
+    assert report.creased_nodes == (fillet > 0 and angle < 55)
 
 
 def test_members_too_close_are_merged_and_said_so() -> None:
@@ -122,12 +127,14 @@ def test_members_too_close_are_merged_and_said_so() -> None:
     assert any("led through" in text or "merged" in text for text in report.messages)
 
 
-def test_three_members_enclosing_a_piece_of_sphere() -> None:
+@pytest.mark.parametrize("fillet", [0.0, 0.1])
+def test_three_members_enclosing_a_piece_of_sphere(fillet) -> None:
     """Caps that overlap in pairs but leave a triangle between them: the sphere face falls in two."""
     t = np.arange(3) * 2 * np.pi / 3
     a = np.arcsin(np.sin(np.radians(20.0)) / np.sin(np.radians(60.0)))  # 40 degrees from one to the next
     cone = np.stack([np.sin(a) * np.cos(t), np.sin(a) * np.sin(t), np.full(3, np.cos(a))], axis=1)
-    solid = build_solid(star(cone), Knobs(node_ratio=1 / np.sin(np.radians(22.2))))
+    ratio = (1 + fillet) / np.sin(np.radians(22.2)) - fillet
+    solid = build_solid(star(cone), Knobs(node_ratio=ratio, fillet_ratio=fillet))
     assert (solid.face_owner[solid.face_role == FaceRole.NODE] == 0).sum() == 2
     assert solid.report.genus == 0
 

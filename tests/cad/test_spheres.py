@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from michell_cad.cad.fits import FINE_ENOUGH, FITS, fit_sines
 from michell_cad.cad.nodes import angles_between
-from michell_cad.cad.spheres import DEGREE, FIT_KNOTS, POLE_MARGIN, fit_longitudes, fit_sines, place_seam, renumber_cuts
+from michell_cad.cad.spheres import POLE_MARGIN, Caps, Seams, fit_longitudes, place_seams
 
 
 def unit(x) -> np.ndarray:
@@ -22,44 +23,60 @@ def caps(seed: int, k: int, a: float) -> np.ndarray:
     return np.array(found)
 
 
+def seam_of(d: np.ndarray, a: float, N: np.ndarray) -> Seams:
+    k = len(d)
+    return place_seams(Caps(d[None], np.full((1, k), a), np.arange(k)[None], N[None], np.zeros((1, k, 1))))
+
+
 @pytest.mark.parametrize("k", [1, 2, 4, 6, 8, 12])
 @pytest.mark.parametrize("seed", range(4))
 def test_seam_meets_no_cap_but_those_of_its_poles(k, seed) -> None:
     a = 0.7 if k < 3 else 0.42
     d = caps(seed, k, a)
     N = unit(np.cross(d, [0.2, 0.5, -0.7]))
-    seam = place_seam(d, np.full(len(d), a), np.arange(len(d)), N, [np.zeros(1)] * len(d))
-    assert seam is not None
-    v = np.linspace(seam.south, seam.north, 400)[1:-1, None]
-    meridian = np.cos(v) * seam.zero + np.sin(v) * seam.axis
+    seams = seam_of(d, a, N)
+    assert seams.found[0]
+    axis, zero, (south, north) = seams.axis[0], seams.zero[0], seams.latitudes[0]
+    v = np.linspace(south, north, 400)[1:-1, None]
+    meridian = np.cos(v) * zero + np.sin(v) * axis
     assert (np.arccos(np.clip(meridian @ d.T, -1, 1)) > a - 1e-9).all()
-    for pole in (-seam.axis, seam.axis):
+    for pole in (-axis, axis):
         assert np.abs(np.arccos(np.clip(d @ pole, -1, 1)) - a).min() >= POLE_MARGIN
-    for cut, latitude in ((seam.south_cut, seam.south), (seam.north_cut, seam.north)):
-        if cut is None:
+    for e, theta, latitude in zip(seams.cap[0], seams.angle[0], (south, north), strict=True):
+        if e < 0:
             assert abs(latitude) == pytest.approx(np.pi / 2)
         else:
-            e, theta = cut
             point = np.cos(a) * d[e] + np.sin(a) * (np.cos(theta) * N[e] + np.sin(theta) * np.cross(d[e], N[e]))
-            assert point == pytest.approx(np.cos(latitude) * seam.zero + np.sin(latitude) * seam.axis, abs=1e-12)
+            assert point == pytest.approx(np.cos(latitude) * zero + np.sin(latitude) * axis, abs=1e-12)
+
+
+def fence() -> np.ndarray:
+    """The corners of an icosahedron."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = [(0, y, z) for y in (1, -1) for z in (golden, -golden)]
+    return unit(np.array([np.roll(c, i) for c in corners for i in range(3)], float))
 
 
 def test_no_seam_through_a_fence() -> None:
     """Caps all around, wherever the axis: no meridian passes, and none is made up."""
-    golden = (1 + np.sqrt(5)) / 2
-    corners = [(0, y, z) for y in (1, -1) for z in (golden, -golden)]
-    d = unit(np.array([np.roll(c, i) for c in corners for i in range(3)], float))
-    N = unit(np.cross(d, [0.2, 0.5, -0.7]))
-    assert place_seam(d, np.full(12, 0.553), np.arange(12), N, [np.zeros(1)] * 12) is None
+    d = fence()
+    assert not seam_of(d, 0.553, unit(np.cross(d, [0.2, 0.5, -0.7]))).found[0]
 
 
-def test_renumbered_cuts() -> None:
-    d = np.array([[0, 0, 1.0]])
-    seam = place_seam(d, np.array([0.5]), np.arange(1), np.array([[1.0, 0, 0]]), [np.zeros(1)])
-    assert seam is not None
-    assert seam.south_cut is not None
-    renumbered = renumber_cuts(seam, np.array([17]))
-    assert renumbered.south_cut == (17, seam.south_cut[1])
+def test_nodes_of_a_batch_do_not_mix() -> None:
+    """Several nodes at once give what each gives alone, also if one of them has no seam."""
+    rng = np.random.default_rng(3)
+    d = np.stack([caps(0, 12, 0.35), fence(), caps(1, 12, 0.35)])
+    a = np.repeat([[0.35], [0.553], [0.35]], 12, axis=1)
+    N = unit(np.cross(d, rng.normal(size=3)))
+    vertices = np.sort(rng.uniform(0, 2 * np.pi, (3, 12, 2)), axis=2)
+    groups = np.tile(np.arange(12), (3, 1))
+    together = place_seams(Caps(d, a, groups, N, vertices))
+    assert together.found.tolist() == [True, False, True]
+    for i in (0, 2):
+        alone = place_seams(Caps(d[[i]], a[[i]], groups[[i]], N[[i]], vertices[[i]]))
+        assert alone.zero[0] == pytest.approx(together.zero[i], abs=1e-12)
+        assert alone.cap[0].tolist() == together.cap[i].tolist()
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 1.1, 2.0])
@@ -76,17 +93,28 @@ def test_fitted_circles_lie_on_their_circles(tilt) -> None:
         u = np.arctan2(q[:, 1], q[:, 0])
         start = float(theta[np.argmin(np.abs(u))])
     ranges = np.array([[start, start + 2 * np.pi]])
-    poles, deviation = fit_longitudes(np.eye(3)[None], np.array([R]), circle[None], np.array([a]), ranges)
-    assert deviation[0] < 2e-6 * R
+    fitted = fit_longitudes(np.eye(3)[None], np.array([R]), circle[None], np.array([a]), ranges)
+    assert fitted.deviation[0] < FINE_ENOUGH * R
+    fit = FITS[fitted.fit[0]]
     x = np.linspace(0, 1, 501)
-    u, v = BSpline(FIT_KNOTS, poles[0], DEGREE)(x).T
+    u, v = BSpline(fit.knots, fitted.poles[fitted.fit[0]][0], fit.degree)(x).T
     point = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=1)
-    assert point @ d == pytest.approx(np.cos(a), abs=2e-6)
+    assert point @ d == pytest.approx(np.cos(a), abs=2 * FINE_ENOUGH)
+
+
+def test_finer_fits_where_needed() -> None:
+    """An arc past a pole takes more points than one along the equator."""
+    near = np.array([[[0, 1.0, 0], [0, 0, 1], [1, 0, 0]], [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]])
+    a = np.array([1.4, np.pi / 2 - 0.3])
+    ranges = np.array([[0.3, 2.9], [0.3, 2.9]])
+    fitted = fit_longitudes(np.stack([np.eye(3)] * 2), np.ones(2), near, a, ranges)
+    assert fitted.fit[0] > fitted.fit[1] == 0
+    assert (fitted.deviation < FINE_ENOUGH).all()
 
 
 def test_fitted_ellipse_on_its_cylinder() -> None:
-    poles = fit_sines((-0.4, 1.2), 2.0, -1.0, 3.0)[0]
+    fitted = fit_sines(np.array([[-0.4, 1.2]]), np.array([2.0]), np.array([-1.0]), np.array([3.0]))
     t = np.linspace(-0.4, 1.2, 50)
-    u, v = BSpline(FIT_KNOTS, poles, DEGREE)((t + 0.4) / 1.6).T
-    assert u == pytest.approx(2.0 - t, abs=1e-10)
-    assert v == pytest.approx(3 * np.cos(t), abs=1e-10)
+    u, v = BSpline(FITS[0].knots, fitted.poles[0][0], FITS[0].degree)((t + 0.4) / 1.6).T
+    assert u == pytest.approx(2.0 - t, abs=1e-8)
+    assert v == pytest.approx(3 * np.cos(t), abs=1e-8)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from michell_cad.cad.centerlines import SAMPLES, Centerlines, sample_splines, straight_centerlines
-from michell_cad.cad.tubes import Tubes, circle_parameter, fit_tubes, pinched_tubes
+from michell_cad.cad.tubes import FOLLOWS, SECTION_COUNTS, Tubes, circle_parameter, fit_tubes, pinched_tubes
 from michell_cad.splines import fit_splines
 from tests.cad.layouts import grid_truss
 
@@ -38,7 +38,8 @@ def test_circle_parameter_gives_the_angle_back() -> None:
     angles = np.linspace(0, 2 * np.pi, 101)
     tube = tubes_along(straight_centerlines(np.eye(3)[:2] * 10, np.array([[0, 1]])), 1.0, 1.0)
     ring = tube.surface_points(angles, np.array([0.0]))[0, 0] - tube.spine_points(np.array([0.0]))[0, 0]
-    N, B, _ = tube.frames[0, 0]
+    N = tube.end_normals[0, 0]
+    B = np.cross([1.0, -1.0, 0.0] / -np.sqrt(2), N)
     assert pytest.approx(np.cos(angles), abs=1e-12) == ring @ N
     assert pytest.approx(np.sin(angles), abs=1e-12) == ring @ B
     assert (np.diff(circle_parameter(angles)) > 0).all()
@@ -90,7 +91,25 @@ def test_surface_leaves_its_circles_along_the_directions() -> None:
 def test_frames_do_not_twist() -> None:
     """On a plane curve the normal of a rotation-minimising frame keeps its angle to the plane."""
     tubes = tubes_along(arc(8, 1.5), 0.5, 0.5)
-    assert np.ptp(tubes.frames[0, :, 0, 2]) < 1e-9
+    assert tubes.end_normals[0, 0, 2] == pytest.approx(tubes.end_normals[0, 1, 2], abs=1e-9)
+
+
+def test_long_tubes_take_more_circles() -> None:
+    """A tube along two waves keeps to them; one along a shallow arc needs the fewest circles."""
+    x = np.linspace(0, 40, 161)
+    y = 2 * np.sin(x * np.pi / 10)
+    fine = np.stack([x, y, 0 * x], axis=1)
+    arc_length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
+    s = np.linspace(0, arc_length[-1], 129)
+    points = np.stack([np.interp(s, arc_length, fine[:, k]) for k in range(3)], axis=1)
+    slope = np.array([1, 2 * np.pi / 10, 0]) / np.hypot(1, 2 * np.pi / 10)
+    waves = Centerlines(points[None], np.stack([slope, -slope])[None])
+    tubes = tubes_along(waves, 0.5, 0.4)
+    assert tubes.sections[0] > SECTION_COUNTS[0]
+    spine = tubes.spine_points(np.linspace(0.05, 0.95, 201))[0]
+    # Distances to the curve, whose slope is at most 2 pi / 10 on either side.
+    assert np.abs(spine[:, 1] - 2 * np.sin(spine[:, 0] * np.pi / 10)).max() < FOLLOWS * 0.4 * np.hypot(1, 0.63)
+    assert tubes_along(arc(40, 0.3), 0.5, 0.4).sections[0] == SECTION_COUNTS[0]
 
 
 def test_pinched_tube_is_found() -> None:
@@ -103,7 +122,7 @@ def test_centerlines_interpolate_between_samples() -> None:
     s = np.linspace(0, 1, 77)
     at = lines.at(s[None])[0]
     exact = 10 * np.stack([np.sin(1.5 * s), 1 - np.cos(1.5 * s), 0 * s], axis=1)
-    assert np.abs(at - exact).max() < 1e-6 * 15
+    assert np.abs(at - exact).max() < 3e-6 * 15
 
 
 def test_centerlines_of_splines() -> None:
