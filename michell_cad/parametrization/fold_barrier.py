@@ -33,7 +33,7 @@ _STIFFEN = 4.0
 """Factor on mu in a round that could not lower eps any more."""
 _TOLERANCE = 1e-5
 """Relative decrease at which the last minimisation has converged; those with a stiffer barrier need as much less."""
-_INTERIOR_WEIGHTS, _INTERIOR_ITERATIONS = (100.0, 10.0, 1.0), 100
+_INTERIOR_WEIGHTS, _INTERIOR_ITERATIONS = (100.0, 10.0, 1.0), (100, 100, 250)
 
 
 def remove_folds(
@@ -61,11 +61,9 @@ def remove_folds(
             return phi
     progress(0.5)
     phi = energy.scale ** (1 / 3) * (mesh.vertices - mesh.vertices.mean(0)) @ _nearest_rotation(mesh, linear.phi).T
-    for factor in _INTERIOR_WEIGHTS:
+    for factor, iterations in zip(_INTERIOR_WEIGHTS, _INTERIOR_ITERATIONS, strict=True):
         energy.stiffness, energy.eps = factor, 0.0
-        phi, _ = minimize(
-            energy, phi, linear.precondition, iterations=_INTERIOR_ITERATIONS, tolerance=_TOLERANCE * factor
-        )
+        phi, _ = minimize(energy, phi, linear.precondition, iterations=iterations, tolerance=_TOLERANCE * factor)
     require_injective(mesh, phi)
     return phi
 
