@@ -25,6 +25,7 @@ from OCP.Geom import (
     Geom_CylindricalSurface,
     Geom_Ellipse,
     Geom_Line,
+    Geom_Plane,
     Geom_SphericalSurface,
     Geom_ToroidalSurface,
 )
@@ -136,7 +137,8 @@ def _bound_face(builder, face, surface, nowhere, coedges, edges, pcurves, plan) 
         wire.Closed(True)
         builder.Add(face, wire)
     for e, (curve, _) in seams.items():
-        builder.UpdateEdge(edges[e], curve, surface, nowhere, float(tolerance[e]))
+        if curve is not None:
+            builder.UpdateEdge(edges[e], curve, surface, nowhere, float(tolerance[e]))
 
 
 def _make_edges(builder: BRep_Builder, plan: ShellPlan) -> list[Any]:
@@ -230,6 +232,8 @@ def _surface_maker(plan: ShellPlan) -> Callable[[int], Any]:
             return strip(i)
         if form == SurfaceForm.TORUS:
             return Geom_ToroidalSurface(place(i), *radii[i])
+        if form == SurfaceForm.PLANE:
+            return Geom_Plane(place(i))
         kind = Geom_SphericalSurface if form == SurfaceForm.SPHERE else Geom_CylindricalSurface
         return kind(place(i), radii[i][0])
 
@@ -249,14 +253,20 @@ def _pcurve_maker(plan: ShellPlan) -> Callable[[int, int, int], Any]:
     whole = [_knots(fit.knots * 2 * np.pi) for fit in FITS]
     breaks = [np.unique(fit.knots) for fit in FITS]
     ranges = plan.edges.ranges
-    tube_ends = [_circle_on_tube(0.0), _circle_on_tube(1.0)]
+    on_tubes = {
+        PcurveForm.TUBE_START: _circle_on_tube(0.0),
+        PcurveForm.TUBE_END: _circle_on_tube(1.0, against=True),
+        PcurveForm.TUBE_TOP: _circle_on_tube(1.0),
+    }
 
     def make(form: int, i: int, edge: int) -> Any:
         if form == PcurveForm.LINE:
             (u, v), (du, dv) = lines[i]
             return Geom2d_Line(gp_Pnt2d(u, v), gp_Dir2d(du, dv))
-        if form < PcurveForm.FITTED:
-            return tube_ends[form == PcurveForm.TUBE_END]
+        if form == PcurveForm.PLANAR:
+            return None
+        if form in on_tubes:
+            return on_tubes[PcurveForm(form)]
         number = form - PcurveForm.FITTED
         first, last = ranges[edge]
         knots, mults = whole[number]
@@ -274,8 +284,8 @@ def _points_2d(points: np.ndarray) -> TColgp_Array1OfPnt2d:
     return array
 
 
-def _circle_on_tube(v: float) -> Any:
-    """The spline (t(angle), v) at the start of a tube, (1 - t(angle), v) at its end, over the angles of a circle."""
+def _circle_on_tube(v: float, against: bool = False) -> Any:
+    """The spline (t(angle), v), or (1 - t(angle), v) against the angle, over the angles of a circle."""
     knots, poles = [0.0] * (CIRCLE_DEGREE + 1), []
     nodes = (1 - np.cos(np.pi * np.arange(CIRCLE_DEGREE + 1) / CIRCLE_DEGREE)) / 2
     for quarter in range(4):
@@ -285,7 +295,7 @@ def _circle_on_tube(v: float) -> Any:
         bezier = piece.c
         poles += list(bezier if quarter == 0 else bezier[1:])
         knots += [(quarter + 1) * np.pi / 2] * (CIRCLE_DEGREE + (quarter == 3))
-    t = np.array(poles) if v == 0 else 1 - np.array(poles)
+    t = 1 - np.array(poles) if against else np.array(poles)
     return Geom2d_BSplineCurve(
         _points_2d(np.stack([t, np.full(len(t), v)], axis=1)), *_knots(np.array(knots)), CIRCLE_DEGREE
     )

@@ -35,6 +35,7 @@ class SurfaceForm(IntEnum):
     TUBE = 3
     STRIP = 4
     """The fillet between two tubes, of `Strips`."""
+    PLANE = 5
 
 
 class PcurveForm(IntEnum):
@@ -46,8 +47,12 @@ class PcurveForm(IntEnum):
     """The whole circle at the start of a tube, counted along its angle."""
     TUBE_END = 2
     """The whole circle at the end of a tube, counted against its angle."""
-    FITTED = 3
-    """A spline on the knots of the first of `fits.FITS`, stretched to the range of the edge; 4 for the second, ..."""
+    TUBE_TOP = 3
+    """The whole circle at the end of a tube, or an arc of it, counted along its angle."""
+    PLANAR = 4
+    """None is needed: the face is plane."""
+    FITTED = 5
+    """A spline on the knots of the first of `fits.FITS`, stretched to the range of the edge; 6 for the second, ..."""
 
 
 class FaceRole(IntEnum):
