@@ -9,7 +9,8 @@ from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
-from michell_cad.cad.step import COLOURS, export_step, read_step_summary
+from michell_cad.cad.palette import COLOURS
+from michell_cad.cad.step import export_step, forecast_step, read_step_summary
 from michell_cad.cad.stl import export_stl
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "curve_of_part",
     "export_step",
     "export_stl",
+    "forecast_step",
     "mesh_truss",
     "prepare_truss",
     "read_step_summary",

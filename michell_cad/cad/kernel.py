@@ -1,4 +1,4 @@
-"""The CAD kernel (Open CASCADE through OCP): the only file that touches it.
+"""The CAD kernel (Open CASCADE through OCP); only this file and `kernel_files.py` touch it.
 
 Shapes are made from the tables of a `ShellPlan` by the lowest-level builder, without booleans and without sewing.
 """
@@ -6,10 +6,7 @@ Shapes are made from the tables of a `ShellPlan` by the lowest-level builder, wi
 # OCP is a binary module: pyright cannot see what it defines.
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,17 +28,8 @@ from OCP.Geom import (
 )
 from OCP.Geom2d import Geom2d_BSplineCurve, Geom2d_Line
 from OCP.gp import gp_Ax2, gp_Ax3, gp_Dir, gp_Dir2d, gp_Pnt, gp_Pnt2d
-from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_Static
-from OCP.Message import Message
-from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
-from OCP.STEPCAFControl import STEPCAFControl_Controller, STEPCAFControl_Writer
-from OCP.STEPControl import STEPControl_AsIs, STEPControl_Reader
 from OCP.TColgp import TColgp_Array1OfPnt, TColgp_Array1OfPnt2d, TColgp_Array2OfPnt
-from OCP.TCollection import TCollection_ExtendedString
 from OCP.TColStd import TColStd_Array1OfInteger, TColStd_Array1OfReal, TColStd_Array2OfReal
-from OCP.TDataStd import TDataStd_Name
-from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
@@ -55,13 +43,11 @@ from OCP.TopoDS import (
     TopoDS_Vertex,
     TopoDS_Wire,
 )
-from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 from scipy.interpolate import make_interp_spline
 
 from michell_cad.cad.fits import FITS
 from michell_cad.cad.shell_plan import CurveForm, PcurveForm, ShellPlan, SurfaceForm
 from michell_cad.cad.tubes import AROUND_KNOTS, SECTION_COUNTS, WEIGHTS, circle_parameter, tube_knots
-from michell_cad.errors import GeometryKernelError, InvalidInputError
 
 Progress = Callable[[float], None]
 
@@ -326,7 +312,7 @@ def faulty_faces(solid: Any, faces: Sequence[Any]) -> list[int] | None:
     check = BRepCheck_Analyzer(solid, True, True)  # geometric checks, on all processors
     if check.IsValid():
         return None
-    parts = ((face, *_explore(face, TopAbs_EDGE)) for face in faces)
+    parts = ((face, *explore(face, TopAbs_EDGE)) for face in faces)
     return [i for i, part in enumerate(parts) if not all(check.IsValid(shape) for shape in part)]
 
 
@@ -341,7 +327,7 @@ def volume(shape: Any, accuracy: float = 1e-3) -> float:
     BRepBndLib.AddClose_s(shape, box)
     center = gp_Pnt(*((np.array(box.CornerMin().Coord()) + box.CornerMax().Coord()) / 2))
     total, surface, domain = 0.0, BRepGProp_Face(), BRepGProp_Domain()
-    for part in _explore(shape, TopAbs_FACE):
+    for part in explore(shape, TopAbs_FACE):
         face = TopoDS.Face_s(part)
         surface.Load(face)
         domain.Init(face)
@@ -376,109 +362,9 @@ def as_cadquery(solids: Sequence[Any]) -> Any:
     return workplane.newObject([cadquery.Solid(solid) for solid in solids])
 
 
-@dataclass(frozen=True)
-class StepSummary:
-    """What a STEP file holds, as the kernel reads it."""
-
-    solids: int
-    valid: bool
-    volume_mm3: float
-    faces: int
-
-
-def write_step_file(
-    path: Path,
-    solids: Sequence[tuple[Any, str]],
-    faces: Sequence[tuple[Any, int, str, tuple[float, float, float]]],
-    schema: str = "AP214IS",
-    progress: Progress | None = None,
-) -> None:
-    """Write solids with their names, and faces (of solid number n) with names and colours, in mm, without pcurves."""
-    document = TDocStd_Document(TCollection_ExtendedString("MDTV-XCAF"))
-    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
-    colours = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
-    labels = []
-    for solid, name in solids:
-        labels.append(shapes.AddShape(solid, False))
-        TDataStd_Name.Set_s(labels[-1], TCollection_ExtendedString(name))
-    palette: dict[tuple[float, float, float], Any] = {}
-    for face, number, name, colour in faces:
-        label = shapes.AddSubShape(labels[number], face)
-        if label.IsNull():
-            raise GeometryKernelError(f"the kernel does not find face {name!r} in its solid: no STEP file was written")
-        TDataStd_Name.Set_s(label, TCollection_ExtendedString(name))
-        if colour not in palette:
-            palette[colour] = Quantity_Color(*colour, Quantity_TOC_sRGB)
-        colours.SetColor(label, palette[colour], XCAFDoc_ColorSurf)
-    if progress is not None:
-        progress(0.3)
-    with (
-        _quiet(),
-        _settings(
-            numbers={"write.surfacecurve.mode": 0, "write.stepcaf.subshapes.name": 1},
-            texts={"write.step.schema": schema, "write.step.unit": "MM"},
-        ),
-    ):
-        writer = STEPCAFControl_Writer()
-        writer.SetColorMode(True)
-        writer.SetNameMode(True)
-        done = writer.Transfer(document, STEPControl_AsIs)
-        if progress is not None:
-            progress(0.6)
-        if not done or writer.Write(str(path)) != IFSelect_RetDone:
-            raise GeometryKernelError(f"the kernel could not write the STEP file {path.name}: is the folder writable?")
-    if progress is not None:
-        progress(1.0)
-
-
-def read_step_file(path: Path) -> StepSummary:
-    """Read a STEP file and check what is in it."""
-    with _quiet():
-        reader = STEPControl_Reader()
-        if reader.ReadFile(str(path)) != IFSelect_RetDone:
-            raise InvalidInputError(f"{path} cannot be read as a STEP file")
-        reader.TransferRoots()
-        shape = reader.OneShape()
-    solids = sum(1 for _ in _explore(shape, TopAbs_SOLID))
-    faces = sum(1 for _ in _explore(shape, TopAbs_FACE))
-    return StepSummary(solids, is_valid(shape), volume(shape), faces)
-
-
-def _explore(shape: Any, kind: Any) -> Iterator[Any]:
+def explore(shape: Any, kind: Any) -> Iterator[Any]:
+    """The parts of a shape of one kind; shared ones come as often as they are used."""
     explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()
         explorer.Next()
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the kernel from printing its statistics."""
-    messenger = Message.DefaultMessenger_s()
-    printers = list(messenger.Printers())
-    for printer in printers:
-        messenger.RemovePrinter(printer)
-    try:
-        yield
-    finally:
-        for printer in printers:
-            messenger.AddPrinter(printer)
-
-
-@contextmanager
-def _settings(numbers: Mapping[str, int], texts: Mapping[str, str]) -> Iterator[None]:
-    """Set the kernel's process-wide parameters for a while."""
-    STEPCAFControl_Controller.Init_s()  # it defines the parameters; set before, they would be reset
-    old_numbers = {name: Interface_Static.IVal_s(name) for name in numbers}
-    old_texts = {name: Interface_Static.CVal_s(name) for name in texts}
-    try:
-        for name, number in numbers.items():
-            Interface_Static.SetIVal_s(name, number)
-        for name, text in texts.items():
-            Interface_Static.SetCVal_s(name, text)
-        yield
-    finally:
-        for name, number in old_numbers.items():
-            Interface_Static.SetIVal_s(name, number)
-        for name, text in old_texts.items():
-            Interface_Static.SetCVal_s(name, text)

@@ -15,6 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, require
+from michell_cad.cad.assembly import AssemblyPart, build_assembly
 from michell_cad.cad.clearance import Crossings, crossing_tubes
 from michell_cad.cad.mesh import SEGMENTS, TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
@@ -111,6 +112,11 @@ class TrussSolid:
     def face_curve(self) -> Int[np.ndarray, " n_f"]:
         """The curve of each face's member; -1 for the faces of nodes."""
         return curve_of_part(self.prepared, self.face_role, self.face_owner)
+
+    @cached_property
+    def assembly(self) -> tuple[AssemblyPart, ...]:
+        """One solid for each bar and each node, built and checked when first asked for."""
+        return build_assembly(self.prepared)
 
     @cached_property
     def build123d(self) -> Any:
