@@ -8,8 +8,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
-    from michell_cad.delivery import deliver_job, design_options
+    from michell_cad.cad import (
+        ExportOptions,
+        TrussSolid,
+        build_solid,
+        export_3mf,
+        export_beam_lattice,
+        export_brep,
+        export_glb,
+        export_solid,
+        export_step,
+        export_stl,
+        forecast_step,
+    )
+    from michell_cad.delivery import deliver_job, design_options, export_design
     from michell_cad.design_file import load_design, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
     from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
@@ -26,6 +38,7 @@ _HOME = {
     "Design": "pipeline",
     "DesignOptions": "pipeline",
     "DesignProblem": "problem",
+    "ExportOptions": "cad",
     "GeometryKernelError": "errors",
     "InvalidInputError": "errors",
     "Job": "job",
@@ -44,8 +57,15 @@ _HOME = {
     "deliver_job": "delivery",
     "design": "pipeline",
     "design_options": "delivery",
+    "export_3mf": "cad",
+    "export_beam_lattice": "cad",
+    "export_brep": "cad",
+    "export_design": "delivery",
+    "export_glb": "cad",
+    "export_solid": "cad",
     "export_step": "cad",
     "export_stl": "cad",
+    "forecast_step": "cad",
     "load_design": "design_file",
     "part_from_cad": "domain",
     "read_job": "job",
@@ -59,6 +79,7 @@ __all__ = [
     "Design",
     "DesignOptions",
     "DesignProblem",
+    "ExportOptions",
     "GeometryKernelError",
     "InvalidInputError",
     "Job",
@@ -77,8 +98,15 @@ __all__ = [
     "deliver_job",
     "design",
     "design_options",
+    "export_3mf",
+    "export_beam_lattice",
+    "export_brep",
+    "export_design",
+    "export_glb",
+    "export_solid",
     "export_step",
     "export_stl",
+    "forecast_step",
     "load_design",
     "part_from_cad",
     "read_job",

@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | faces | check | schema`.
+"""The command line: `michell-cad design | export | faces | check | schema`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -39,13 +39,38 @@ def design(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; must not exist yet.")],
     force: Force = False,
 ) -> None:
-    """Design the truss of a job: STEP, STL, layout, design file, picture and report."""
+    """Design the truss of a job: the solid's files, layout, design file, picture and report."""
     from michell_cad.delivery import deliver_job
 
     console = _console()
     with _stage_bars(console) as progress:
         report = deliver_job(job, out, force, progress)
     _print_summary(console, report, out)
+
+
+@app.command()
+def export(
+    design_file: Annotated[Path, typer.Argument(metavar="DESIGN.npz", help="A design file of `michell-cad design`.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="What to write: .step .stl .3mf .beams.3mf .glb .brep"),
+    ],
+    step_form: Annotated[str, typer.Option(help="solid, or assembly: a solid per curve and per node.")] = "solid",
+    step_schema: Annotated[str, typer.Option(help="AP214 or AP242.")] = "AP214",
+    pcurves: Annotated[bool, typer.Option("--pcurves", help="STEP with the edges in parameters of faces.")] = False,
+    brep_binary: Annotated[bool, typer.Option("--brep-binary", help="BREP in binary, not as text.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace files that exist.")] = False,
+) -> None:
+    """Write the solid of a finished design to files, in the formats that their names mean."""
+    from michell_cad.cad.formats import ExportOptions
+    from michell_cad.delivery import export_design
+
+    console = _console()
+    options = ExportOptions(step_form, step_schema, pcurves, brep_binary)
+    with _stage_bars(console) as progress:
+        export_design(design_file, files, options, force, progress, console.print)
+    for file in files:
+        console.print(f"{file}: {_megabytes(file.stat().st_size)}")
 
 
 @app.command()
@@ -169,6 +194,7 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
             f"{solid['volume_mm3']:.4g} mm3, {100 * summary['volume_fraction']:.1f} % of the part, "
             f"{summary['mass_g']:.4g} g",
         ),
+        ("files", ", ".join(_describe_file(name, entry) for name, entry in report["files"].items())),
         ("written to", str(out)),
     ]
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -177,6 +203,15 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
     console.print(table)
     for note in report["notes"]:
         console.print(f"[yellow]note[/]: {note}")
+
+
+def _describe_file(name: str, entry: dict[str, int]) -> str:
+    forecast = f" (forecast {_megabytes(entry['forecast_bytes'])})" if "forecast_bytes" in entry else ""
+    return f"{name} {_megabytes(entry['bytes'])}{forecast}"
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:.3g} MB"
 
 
 if __name__ == "__main__":

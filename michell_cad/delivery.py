@@ -2,18 +2,17 @@
 
 import json
 import os
-import shutil
-import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
-from michell_cad.design_file import save_design
+from michell_cad.cad import ExportOptions, TrussSolid, build_solid, export_solid, file_name, forecast_step, format_of
+from michell_cad.design_file import load_design, save_design
 from michell_cad.domain import read_part
 from michell_cad.errors import InvalidInputError
+from michell_cad.files import writing_files, writing_folder
 from michell_cad.job import Job, build_problem, read_job
 from michell_cad.knobs import Knobs, apply_knobs
 from michell_cad.parametrization import ParametrizationOptions
@@ -26,8 +25,10 @@ from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
 
-STEP_FILE, STL_FILE, LAYOUT_FILE = "truss.step", "truss.stl", "truss.json"
-DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "design.npz", "preview.png", "report.json"
+SOLID_STEM = "truss"
+"""Files of the solid have this name and the extension of their format."""
+
+LAYOUT_FILE, DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "design.npz", "preview.png", "report.json"
 
 
 def deliver_job(
@@ -54,7 +55,7 @@ def deliver_job(
         problem = build_problem(job, part)
     result = design(problem, design_options(job), progress)
     times.extend(result.times)
-    with _whole_folder(folder) as partial:
+    with writing_folder(folder) as partial:
         report = _write_results(partial, result, job, part.outline.up, times, progress)
     return report
 
@@ -82,23 +83,61 @@ def _write_results(
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
-        if job.output.step:
-            export_step(solid, folder / STEP_FILE)
-            progress("export", 0.6)
-        if job.output.stl:
-            export_stl(solid.mesh, folder / STL_FILE)
+        files = [file_name(SOLID_STEM, name) for name in job.output.formats]
+        for k, file in enumerate(files):
+            export_solid(solid, folder / file, job.output.options)
+            progress("export", 0.8 * (k + 1) / len(files))
         write_truss_json(folder / LAYOUT_FILE, built, splines, job.knobs)
         save_design(folder / DESIGN_FILE, result, job.knobs)
         if job.output.preview:
             render_truss(folder / PICTURE_FILE, result.problem.mesh, built, splines, up=up)
     report = report_design(result, built.truss, times)
-    step_bytes = (folder / STEP_FILE).stat().st_size if job.output.step else None
-    report["solid"] = report_solid(solid) | {"step_bytes": step_bytes}
+    report["solid"] = report_solid(solid)
+    report["files"] = {file: {"bytes": (folder / file).stat().st_size} for file in files}
+    if "step" in job.output.formats:
+        step = report["files"][file_name(SOLID_STEM, "step")]
+        step["forecast_bytes"] = forecast_step(solid, job.output.step_form, job.output.pcurves)
     report["summary"] |= _material_summary(result.problem, solid)
     report["knobs"] = job.knobs.model_dump(mode="json")
     report["notes"] = _notes(report, job.knobs) + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
+
+
+def export_design(
+    design_file: str | Path,
+    files: Sequence[Path],
+    options: ExportOptions,
+    force: bool = False,
+    progress: Progress = lambda stage, fraction: None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> TrussSolid:
+    """Build the solid of a design file and write it to files, in the formats that their names mean; all or none.
+
+    Raises
+    ------
+    InvalidInputError
+        For a bad design file; for a name without a format or given twice; for a file that exists, unless `force`.
+    GeometryKernelError
+        If no valid solid comes out.
+    """
+    formats = [format_of(file) for file in files]
+    for file in files:
+        if file.exists() and not (force and file.is_file()):
+            what = "is a folder" if file.is_dir() else "exists; name a new file, or add --force to replace it"
+            raise InvalidInputError(f"{file} {what}")
+    if len(set(files)) != len(files):
+        raise InvalidInputError("the same file is named twice")
+    with writing_files(files) as partials:
+        result, knobs = load_design(design_file)
+        solid = build_solid(apply_knobs(result.truss, knobs), knobs, progress=lambda part: progress("solid", part))
+        for k, (name, file, partial) in enumerate(zip(formats, files, partials, strict=True)):
+            if name == "step":
+                size = forecast_step(solid, options.step_form, options.pcurves)
+                tell(f"{file} will take about {size / 1e6:.3g} MB")
+            export_solid(solid, partial, options)
+            progress("export", (k + 1) / len(files))
+    return solid
 
 
 def report_solid(solid: TrussSolid) -> dict[str, Any]:
@@ -154,26 +193,6 @@ def _require_place(folder: Path, force: bool) -> None:
         parent = parent.parent
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         raise InvalidInputError(f"--out {folder} cannot be written: no permission in {parent}; name another folder")
-
-
-@contextmanager
-def _whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield an empty folder beside `folder`; move its files there when the block ends without an exception."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise InvalidInputError(f"--out {folder} cannot be written ({error.strerror}); name another folder") from error
-    try:
-        yield partial
-        partial.chmod(0o755)
-        if folder.exists():
-            for file in sorted(partial.iterdir()):
-                file.replace(folder / file.name)
-        else:
-            partial.replace(folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 @contextmanager

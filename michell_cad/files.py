@@ -1,8 +1,9 @@
 """Files that are whole or not there: everything is written beside its place and moved in when it is complete."""
 
 import os
+import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -32,6 +33,70 @@ def writing(path: Path) -> Iterator[Path]:
         raise InvalidInputError(_refusal(path, error)) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing_folder(folder: Path) -> Iterator[Path]:
+    """Yield an empty folder beside `folder`; move its files there when the block ends without an exception.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system refuses.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise InvalidInputError(_refusal(folder, error)) from error
+    try:
+        yield partial
+        partial.chmod(0o777 & ~_umask())
+        if folder.exists():
+            for file in sorted(partial.iterdir()):
+                file.replace(folder / file.name)
+        else:
+            partial.replace(folder)
+    except OSError as error:
+        raise InvalidInputError(_refusal(folder, error)) from error
+    except InvalidInputError as error:
+        # The user knows the folder by its own name only.
+        raise InvalidInputError(str(error).replace(str(partial), str(folder))) from error
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def writing_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
+    """Yield paths of the same names in folders of their own; move them to `paths` if no exception ends the block.
+
+    Raises
+    ------
+    InvalidInputError
+        If the system refuses.
+    """
+    partials: list[Path] = []
+    try:
+        for path in paths:
+            try:
+                folder = Path(tempfile.mkdtemp(prefix=f".{path.stem}-", dir=path.parent))
+            except OSError as error:
+                raise InvalidInputError(_refusal(path, error)) from error
+            partials.append(folder / path.name)
+        yield partials
+        for partial, path in zip(partials, paths, strict=True):
+            try:
+                partial.replace(path)
+            except OSError as error:
+                raise InvalidInputError(_refusal(path, error)) from error
+    except InvalidInputError as error:
+        text = str(error)
+        for partial, path in zip(partials, paths, strict=False):
+            text = text.replace(str(partial), str(path))
+        raise InvalidInputError(text) from error
+    finally:
+        for partial in partials:
+            shutil.rmtree(partial.parent, ignore_errors=True)
 
 
 def path_with_suffix(path: str | Path, *suffixes: str) -> Path:

@@ -25,6 +25,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from michell_cad.arrays import require
+from michell_cad.cad.formats import ExportOptions, FormatName
+from michell_cad.cad.step import StepForm, StepSchema
 from michell_cad.domain.outline import Part
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
@@ -196,12 +198,33 @@ class Options(BaseModel):
 
 
 class OutputSection(BaseModel):
-    """Which of the larger files to write; truss.json, design.npz and report.json are always written."""
+    """Which files to write; truss.json, design.npz and report.json are always written."""
 
     model_config = _STRICT
-    step: Switch = Field(default=True, description="Write truss.step.")
-    stl: Switch = Field(default=True, description="Write truss.stl.")
+    formats: tuple[FormatName, ...] = Field(
+        default=("step", "stl"),
+        description="Files of the solid: truss.step, truss.stl, truss.3mf, truss.beams.3mf (the members as a lattice "
+        "of beams), truss.glb (for viewing), truss.brep.",
+    )
+    step_form: StepForm = Field(
+        default="solid", description="solid: one solid; assembly: one for each curve and each node, under families."
+    )
+    step_schema: StepSchema = Field(default="AP214", description="Schema of the STEP file.")
+    pcurves: Switch = Field(default=False, description="Write STEP with the edges in the parameters of their faces.")
+    brep_binary: Switch = Field(default=False, description="Write BREP in binary, not as text.")
     preview: Switch = Field(default=True, description="Write preview.png.")
+
+    @field_validator("formats")
+    @classmethod
+    def _each_once(cls, value: tuple[FormatName, ...]) -> tuple[FormatName, ...]:
+        if len(set(value)) != len(value):
+            raise ValueError(f"expected every format at most once, found {', '.join(value)}")
+        return value
+
+    @property
+    def options(self) -> ExportOptions:
+        """What the formats leave to choose."""
+        return ExportOptions(self.step_form, self.step_schema, self.pcurves, self.brep_binary)
 
 
 class Setup(BaseModel):

@@ -12,13 +12,15 @@ import numpy as np
 import pytest
 from shapes import box_mesh
 
-FILES = {"truss.step", "truss.stl", "truss.json", "design.npz", "preview.png", "report.json"}
+FILES = {"truss.step", "truss.stl", "truss.glb", "truss.json", "design.npz", "preview.png", "report.json"}
 
 JOB = """
 [part]
 file = "bar.npz"
 [options]
 resolution = 6
+[output]
+formats = ["step", "stl", "glb"]
 [knobs]
 entasis = 0.2
 """
@@ -77,7 +79,11 @@ def test_report_has_the_stated_blocks(results):
     assert solid["solids"] == report["truss"]["components"] == 1
     assert solid["genus"] == solid["expected_genus"]
     assert solid["volume_mm3"] == pytest.approx(solid["mesh_volume_mm3"], rel=0.005)
-    assert solid["step_bytes"] == (results / "truss.step").stat().st_size
+    assert set(report["files"]) == {"truss.step", "truss.stl", "truss.glb"}
+    for name, entry in report["files"].items():
+        assert entry["bytes"] == (results / name).stat().st_size
+    step = report["files"]["truss.step"]
+    assert step["forecast_bytes"] == pytest.approx(step["bytes"], rel=0.15)
     assert summary["volume_fraction"] == pytest.approx(solid["volume_mm3"] / 128000, rel=1e-6)
     assert summary["mass_g"] == pytest.approx(solid["volume_mm3"] * 1.04e-3, rel=0.02)
     assert report["solver_unit_s"] > 0
@@ -96,6 +102,39 @@ def test_step_read_again_is_one_valid_solid_of_the_volume_of_the_stl(results):
     solids, valid, ratio, watertight = done.stdout.split()
     assert (solids, valid, watertight) == ("1", "True", "True")
     assert float(ratio) == pytest.approx(1, abs=0.005)
+
+
+def test_export_writes_what_the_names_say(folder, results):
+    names = ["parts.stp", "lattice.beams.3mf", "print.3mf"]
+    done = run("export", "results/design.npz", *names, "--step-form", "assembly", "--step-schema", "AP242", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "parts.stp will take about" in done.stdout
+    assert "AP242" in (folder / "parts.stp").read_text()[:1000]
+    assert all((folder / name).read_bytes()[:2] == b"PK" for name in names[1:])
+    done = run("export", "results/design.npz", *names, cwd=folder)
+    assert done.returncode == 2
+    assert "parts.stp exists" in done.stderr
+    for name in names:
+        (folder / name).unlink()
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["a.stl", "a.iges"], "a.iges: no format has the extension .iges"),
+        (["a.stl", "no/a.glb"], "no/a.glb cannot be written"),
+        (["a.stl", "a.stl"], "named twice"),
+        (["a.step", "--step-form", "parts"], "solid, assembly"),
+        (["a.step", "--step-schema", "AP203"], "AP214, AP242"),
+    ],
+)
+def test_a_bad_export_gets_one_message_and_leaves_nothing(folder, results, names, message):
+    before = set(folder.iterdir())
+    done = run("export", "results/design.npz", *names, cwd=folder)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert set(folder.iterdir()) == before
 
 
 def test_layout_and_design_belong_together(results):
@@ -127,6 +166,7 @@ def test_an_existing_folder_is_refused_and_force_keeps_what_else_is_there(folder
         (JOB + "radius = 9.0\n", "radius"),
         (JOB + "every = 50\noffset = 25\n", "no curve is left"),
         (JOB.replace("[part]", "[part"), "line"),
+        (JOB.replace('"glb"', '"iges"'), "'glb' or 'brep', found 'iges'"),
     ],
 )
 def test_bad_jobs_get_one_message_and_leave_nothing(folder, job, message):

@@ -254,7 +254,11 @@ def check(value, schema: dict, defs: dict) -> None:
         ({"part": {"file": "x", "units": "km"}}, "[part] units: expected 'mm', 'cm', 'm' or 'in', found 'km'"),
         ({"part": "x.step"}, "[part]: expected a table"),
         ({"cases": {"weights": {"wind": 1}}}, "no load has the case 'wind'"),
-        ({"output": {"step": 1}}, "[output] step: expected true or false"),
+        ({"output": {"preview": 1}}, "[output] preview: expected true or false"),
+        ({"output": {"formats": ["step", "iges"]}}, "'3mf-beams', 'glb' or 'brep', found 'iges'"),
+        ({"output": {"formats": ["stl", "stl"]}}, "[output] formats: expected every format at most once"),
+        ({"output": {"step_form": "parts"}}, "[output] step_form: expected 'solid' or 'assembly', found 'parts'"),
+        ({"output": {"step_schema": "AP203"}}, "[output] step_schema: expected 'AP214' or 'AP242', found 'AP203'"),
     ],
 )
 def test_mistakes(tables, words):

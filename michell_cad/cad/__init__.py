@@ -1,33 +1,56 @@
-"""The truss as CAD geometry: node spheres, fillets and tubes as one closed shell, its direct mesh, STEP and STL.
+"""The truss as CAD geometry: node spheres, fillets and tubes as one closed shell, its direct mesh, and their files.
 
-Arrays until the last step: only `kernel.py` imports the CAD kernel (OCP), and only when a solid is made.
+Arrays until the last step: only `kernel.py` and `kernel_files.py` import the CAD kernel (OCP), and only when a solid is
+made or written.
 """
 
+from michell_cad.cad.assembly import AssemblyPart, build_assembly
+from michell_cad.cad.beam_lattice import BeamLattice, export_beam_lattice, sample_beams
+from michell_cad.cad.brep import export_brep
 from michell_cad.cad.clearance import Crossings, crossing_members
+from michell_cad.cad.formats import FORMATS, ExportOptions, FormatName, export_solid, file_name, format_of
+from michell_cad.cad.glb import export_glb
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
+from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
-from michell_cad.cad.palette import COLOURS
-from michell_cad.cad.step import export_step, forecast_step, read_step_summary
+from michell_cad.cad.step import StepForm, StepSchema, export_step, forecast_step, read_step_summary
 from michell_cad.cad.stl import export_stl
+from michell_cad.cad.threemf import export_3mf
 
 __all__ = [
     "COLOURS",
+    "FORMATS",
+    "AssemblyPart",
+    "BeamLattice",
     "Crossings",
+    "ExportOptions",
     "FaceRole",
+    "FormatName",
     "PreparedTruss",
     "SolidReport",
+    "StepForm",
+    "StepSchema",
     "TrussMesh",
     "TrussSolid",
+    "build_assembly",
     "build_solid",
     "crossing_members",
     "curve_of_part",
+    "export_3mf",
+    "export_beam_lattice",
+    "export_brep",
+    "export_glb",
+    "export_solid",
     "export_step",
     "export_stl",
+    "file_name",
     "forecast_step",
+    "format_of",
     "mesh_truss",
     "prepare_truss",
     "read_step_summary",
+    "sample_beams",
 ]

@@ -7,8 +7,8 @@ closed by discs where the tubes begin. So bars and nodes overlap inside the node
 A member of two curves belongs to the bar of the curve that names it (`Truss.curve_of_member`). Where a curve lacks a
 member for that reason, or turns so sharply at a node that no core can follow, it has more than one bar.
 
-The circles between the pieces of a bar are shared edges, and every piece is a face with a seam. Turning each piece about
-its own axis lines the seams up along the bar; around a closed curve an angle is left over (the holonomy of the
+The circles between the pieces of a bar are shared edges, and every piece is a face with a seam. Turning each piece
+about its own axis lines the seams up along the bar; around a closed curve an angle is left over (the holonomy of the
 rotation-minimising frames), so that one circle is cut in two arcs there, at the seams of both sides.
 """
 
@@ -95,13 +95,6 @@ def plan_bars(prepared: PreparedTruss) -> tuple[ShellPlan, Int[np.ndarray, " n_b
     chains = _chain_pieces(prepared, joints, sharp)
     pieces, gap = _align_seams(pieces, chains)
     return _plan(pieces, chains, gap), chains.curve
-
-
-def core_lengths(prepared: PreparedTruss) -> np.ndarray:
-    """Distance from circle to circle through the nodes, for every joint of two members of one curve, mm."""
-    joints = _find_joints(prepared)
-    reach = np.asarray(prepared.sizes.reach)
-    return reach[joints.before] + reach[joints.after]
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,11 +191,9 @@ def _stubs(p: PreparedTruss, joints: _Joints, cores: Pieces) -> Pieces:
 
 
 def _join_pieces(*parts: Pieces) -> Pieces:
-    columns = [
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("centers", "tangents", "normals", "radii", "straight")
-    ]
-    return Pieces(*columns, sum((part.poles for part in parts), ()))
+    names = ("centers", "tangents", "normals", "radii", "straight")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return Pieces(**columns, poles=sum((part.poles for part in parts), ()))
 
 
 def _chain_pieces(p: PreparedTruss, joints: _Joints, sharp: np.ndarray) -> Chains:

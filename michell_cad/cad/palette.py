@@ -1,13 +1,17 @@
 """What the families are called and coloured in files."""
 
-COLOURS = {
-    "tension": (0.84, 0.37, 0.0),
-    "compression": (0.0, 0.45, 0.70),
-    "third": (0.0, 0.62, 0.45),
-    "feature": (0.6, 0.6, 0.6),
-    "node": (0.8, 0.8, 0.8),
+_BYTES = {
+    "tension": (213, 94, 0),
+    "compression": (0, 114, 178),
+    "third": (0, 158, 115),
+    "feature": (153, 153, 153),
+    "node": (204, 204, 204),
 }
-"""sRGB colours of the families and of the nodes; from the palette of Okabe and Ito, made for colour-blind eyes."""
+
+COLOURS: dict[str, tuple[float, float, float]] = {
+    name: (red / 255, green / 255, blue / 255) for name, (red, green, blue) in _BYTES.items()
+}
+"""sRGB colours of the families (the palette of Okabe and Ito, made for colour-blind eyes) and of the nodes."""
 
 NODES = "nodes"
 """Name of the group of the nodes, beside the families."""

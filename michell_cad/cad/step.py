@@ -1,9 +1,9 @@
 """STEP files, with every curve by its name, the colour of its family, and a layer for each family.
 
-In the form ``solid`` there is one solid per connected component, whose faces have names, colours and layers. In the form
-``assembly`` every curve is a solid (a bar) and every node is one, in a sub-assembly for each family and one for the
-nodes; see `bars` for what belongs to which. Bars run through their nodes, so the parts overlap there: united they are
-the solid of the other form.
+In the form ``solid`` there is one solid per connected component, whose faces have names, colours and layers. In the
+form ``assembly`` every curve is a solid (a bar) and every node is one, in a sub-assembly for each family and one for
+the nodes; see `bars` for what belongs to which. Bars run through their nodes, so the parts overlap there: united they
+are the solid of the other form.
 """
 
 import shutil
@@ -32,8 +32,8 @@ StepSchema = Literal["AP214", "AP242"]
 def export_step(
     solid: TrussSolid,
     path: str | Path,
-    form: StepForm = "solid",
-    schema: StepSchema = "AP214",
+    form: str = "solid",
+    schema: str = "AP214",
     pcurves: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> None:
@@ -60,16 +60,16 @@ def export_step(
     path = path_with_suffix(path, ".step", ".stp")
     _require_known(form, schema)
     tell = progress or (lambda fraction: None)
-    _require_space(path, forecast_step(solid, form, pcurves))
-    document = StepDocument()
-    (_fill_solid if form == "solid" else _fill_assembly)(document, solid)
-    tell(0.3)
     with writing(path) as partial:
+        _require_space(path, forecast_step(solid, form, pcurves))
+        document = StepDocument()
+        (_fill_solid if form == "solid" else _fill_assembly)(document, solid)
+        tell(0.3)
         document.write(partial, path.name, StepSettings(SCHEMAS[schema], pcurves))
     tell(1.0)
 
 
-def forecast_step(solid: TrussSolid, form: StepForm = "solid", pcurves: bool = False) -> int:
+def forecast_step(solid: TrussSolid, form: str = "solid", pcurves: bool = False) -> int:
     """Size in bytes that `export_step` will write, see `step_forecast` for its accuracy.
 
     Raises
@@ -124,10 +124,9 @@ def _require_known(form: str, schema: str) -> None:
 
 
 def _require_space(path: Path, size: int) -> None:
-    if path.parent.is_dir():
-        free = shutil.disk_usage(path.parent).free
-        require(
-            free > size,
-            f"{path} would take about {size / 1e6:.3g} MB, but {free / 1e6:.3g} MB are free: "
-            "free space, choose another folder, or build fewer curves",
-        )
+    free = shutil.disk_usage(path.parent).free
+    require(
+        free > size,
+        f"{path} would take about {size / 1e6:.3g} MB, but {free / 1e6:.3g} MB are free: "
+        "free space, choose another folder, or build fewer curves",
+    )

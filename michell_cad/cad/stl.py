@@ -6,22 +6,23 @@ from pathlib import Path
 import numpy as np
 
 from michell_cad.arrays import require
-from michell_cad.cad.mesh import TrussMesh
-from michell_cad.files import writing
+from michell_cad.cad.solid import TrussSolid
+from michell_cad.files import path_with_suffix, writing
 
 HEADER = b"michell_cad, mm"
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def export_stl(mesh: TrussMesh, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
-    """Write a mesh as binary STL, coordinates in mm; the file is there whole or not at all.
+def export_stl(solid: TrussSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
+    """Write the mesh as binary STL, coordinates in mm; the file is there whole or not at all.
 
     Raises
     ------
     InvalidInputError
-        If the mesh is not watertight.
+        For another extension than .stl, if the mesh is not watertight, and if the file cannot be written.
     """
+    path, mesh = path_with_suffix(path, ".stl"), solid.mesh
     require(
         mesh.is_watertight,
         f"an STL file needs a watertight mesh, this one has {len(mesh.open_triangles)} triangles with open edges",
@@ -32,7 +33,7 @@ def export_stl(mesh: TrussMesh, path: str | Path, progress: Callable[[float], No
     records = np.zeros(len(corners), _RECORD)
     records["normal"] = np.divide(normals, size, out=np.zeros_like(normals), where=size > 0)
     records["corners"] = corners
-    with writing(Path(path)) as partial, partial.open("wb") as file:
+    with writing(path) as partial, partial.open("wb") as file:
         file.write(HEADER.ljust(80, b" "))
         file.write(np.uint32(len(records)).tobytes())
         file.write(records.tobytes())

@@ -9,9 +9,10 @@ import trimesh
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import mesh_bodies
+from michell_cad.cad.solid import build_solid, mesh_bodies
 from michell_cad.cad.sphere_mesh import lattice_points, match_volume, triangulate_sphere
 from michell_cad.cad.stl import export_stl
+from michell_cad.cad.threemf import export_3mf
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from tests.cad.layouts import grid_truss, sized, star
@@ -96,20 +97,13 @@ def test_lattice_is_even() -> None:
     assert nearest.min() > 0.6 * nearest.max()
 
 
-def test_stl_round_trip(grid_mesh, tmp_path) -> None:
-    path = tmp_path / "truss.stl"
-    export_stl(grid_mesh, path)
-    back = trimesh.load(path)
-    assert back.is_watertight
-    assert back.volume == pytest.approx(grid_mesh.volume, rel=1e-5)
-    assert len(back.faces) == len(grid_mesh.triangles)
-
-
-def test_stl_of_an_open_mesh_is_refused(grid_mesh, tmp_path) -> None:
-    n = len(grid_mesh.triangles) - 1
-    broken = dataclasses.replace(
-        grid_mesh, triangles=grid_mesh.triangles[:n], role=grid_mesh.role[:n], owner=grid_mesh.owner[:n]
-    )
-    with pytest.raises(InvalidInputError, match="watertight"):
-        export_stl(broken, tmp_path / "truss.stl")
+def test_open_meshes_are_refused(tmp_path) -> None:
+    solid = build_solid(star(np.eye(3)), Knobs())
+    mesh = solid.mesh
+    n = len(mesh.triangles) - 1
+    broken = dataclasses.replace(mesh, triangles=mesh.triangles[:n], role=mesh.role[:n], owner=mesh.owner[:n])
+    faulty = dataclasses.replace(solid, mesh=broken)
+    for export, name in ((export_stl, "truss.stl"), (export_3mf, "truss.3mf")):
+        with pytest.raises(InvalidInputError, match="watertight"):
+            export(faulty, tmp_path / name)
     assert not list(tmp_path.iterdir())
