@@ -1,5 +1,7 @@
 """What the families are called and coloured in files."""
 
+from michell_cad.curves import FAMILIES
+
 _BYTES = {
     "tension": (213, 94, 0),
     "compression": (0, 114, 178),
@@ -16,7 +18,7 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 NODES = "nodes"
 """Name of the group of the nodes, beside the families."""
 
-GROUPS = ("tension", "compression", "third", "feature", NODES)
+GROUPS = (*FAMILIES, NODES)
 """The groups in the order in which files list them."""
 
 

@@ -2,6 +2,7 @@
 
     python tests/benchmarks/solids.py scale [members ...]   ms per member of every step, on warped grids
     python tests/benchmarks/solids.py mesh [members]        the direct mesh alone, with its memory
+    python tests/benchmarks/solids.py files [members]       ms and kB per member of every file format
     python tests/benchmarks/solids.py compare [side ...]    3 side^2 (side - 1) straight struts, by booleans as well
 
 The comparison uses round struts and balls at their nodes. CadQuery and build123d fuse them in one call; OCCT's fillet
@@ -20,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from michell_cad.cad import FORMATS, ExportOptions, export_solid, file_name, forecast_step
 from michell_cad.cad.mesh import mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.shell import assemble_shell
@@ -89,6 +91,27 @@ def mesh_alone(members: int) -> None:
         f"{n} members: {1e3 * seconds / n:.3f} ms each, {len(mesh.triangles) / n:.0f} triangles each, "  # type: ignore
         f"watertight {mesh.is_watertight}, genus {genus} of {expected}, peak {peak_gb():.2f} GB"  # type: ignore
     )
+
+
+def files(members: int) -> None:
+    """Every format, STEP in all its forms."""
+    solid = build_solid(grid_of(members), Knobs())
+    n = solid.report.members
+    jobs = [(name, ExportOptions()) for name in FORMATS]
+    jobs += [("step", ExportOptions(pcurves=True)), ("step", ExportOptions(step_form="assembly"))]
+    jobs += [("brep", ExportOptions(brep_binary=True))]
+    seconds, parts = timed(lambda: solid.assembly)
+    print(f"{n} members; {len(parts)} parts of the assembly built and checked: {1e3 * seconds / n:.2f} ms each")  # type: ignore
+    with tempfile.TemporaryDirectory() as folder:
+        for name, options in jobs:
+            path = Path(folder) / file_name("truss", name)
+            seconds, _ = timed(lambda path=path, options=options: export_solid(solid, path, options))  # type: ignore[misc]
+            size, note = path.stat().st_size, ""
+            if name == "step":
+                forecast = forecast_step(solid, options.step_form, options.pcurves)
+                note = f"; {options.step_form}, pcurves {options.pcurves}, forecast {forecast / size - 1:+.1%}"
+            print(f"  {name}: {1e3 * seconds / n:.2f} ms, {size / 1e3 / n:.2f} kB{note}", flush=True)
+    print(f"  peak {peak_gb():.2f} GB")
 
 
 def compare(side: int) -> None:
@@ -171,6 +194,8 @@ if __name__ == "__main__":
             compare(side)
     elif mode == "mesh":
         mesh_alone(*(numbers or [10000]))
+    elif mode == "files":
+        files(*(numbers or [10000]))
     else:
         columns = ("members", "prepare", "plan", "kernel", "build", "mesh", "checks", "all", "step", "kB", "peak GB")
         print("".join(f"{name:>9}" for name in columns))
