@@ -112,22 +112,21 @@ def _find_joints(p: PreparedTruss) -> _Joints:
     truss = p.sized.truss
     owner = truss.curve_of_member
     forward = np.ones(len(truss.members), bool)
-    before, after, closing, number = [], [], [], []
+    none = np.zeros(0, int)
+    before, after, closing, number, count = [none], [none], [none], [], 0
     for c, curve in enumerate(truss.curves):
         mine = owner[curve.members] == c
         along = truss.members[curve.members, 0] == curve.nodes[: len(curve.members)]
         forward[curve.members[mine]] = along[mine]
         following = np.roll(np.arange(len(mine)), -1)
         joined = mine & mine[following] & (curve.closed | (following > 0))
+        number.append(np.where(joined, count + np.cumsum(joined) - 1, -1))
+        count += int(joined.sum())
         at = np.flatnonzero(joined)
-        numbers = np.full(len(mine), -1)
-        numbers[at] = len(np.concatenate([np.zeros(0), *before])) + np.arange(len(at)) if len(at) else -1
-        number.append(numbers)
         before.append(2 * curve.members[at] + along[at])
         after.append(2 * curve.members[following[at]] + ~along[following[at]])
         closing.append(curve.closed & (at == len(mine) - 1))
-    whole = [np.concatenate([np.zeros(0, int), *parts]).astype(int) for parts in (before, after, closing)]
-    return _Joints(whole[0], whole[1], whole[2] > 0, tuple(number), forward)
+    return _Joints(np.concatenate(before), np.concatenate(after), np.concatenate(closing) > 0, tuple(number), forward)
 
 
 def _member_pieces(p: PreparedTruss, forward: np.ndarray) -> Pieces:

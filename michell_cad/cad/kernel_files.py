@@ -185,22 +185,23 @@ def count_parts(shapes: Sequence[Any], pcurves: bool = False) -> dict[str, int]:
                 n["surface_poles"] += surface.NbUPoles() * surface.NbVPoles()
             else:
                 n["quadrics"] += 1
-            n["wires"] += sum(1 for _ in explore(face, TopAbs_WIRE))
-            n.update(_count_coedges(face, pcurves))
+            for wire in explore(face, TopAbs_WIRE):
+                n["wires"] += 1
+                n["coedges"] += wire.NbChildren()
+            if pcurves:
+                n.update(_count_pcurves(face))
     return dict(n)
 
 
-def _count_coedges(face: Any, pcurves: bool) -> Counter[str]:
+def _count_pcurves(face: Any) -> Counter[str]:
     n: Counter[str] = Counter()
     for part in explore(face, TopAbs_EDGE):
-        n["coedges"] += 1
-        if pcurves:
-            curve = BRep_Tool.CurveOnSurface_s(TopoDS.Edge_s(part), face, 0.0, 1.0)
-            if isinstance(curve, Geom2d_BSplineCurve):
-                n["parameter_splines"] += 1
-                n["parameter_poles"] += curve.NbPoles()
-            else:
-                n["parameter_lines"] += 1
+        curve = BRep_Tool.CurveOnSurface_s(TopoDS.Edge_s(part), face, 0.0, 1.0)
+        if isinstance(curve, Geom2d_BSplineCurve):
+            n["parameter_splines"] += 1
+            n["parameter_poles"] += curve.NbPoles()
+        else:
+            n["parameter_lines"] += 1
     return n
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from michell_cad.curves import Curve, CurveKind, Curves, NodeKind
 from michell_cad.isocurves import CurveNetwork
-from michell_cad.truss import SizedTruss, Truss, build_truss
+from michell_cad.truss import SizedTruss, Truss, build_truss, keep_curves
 
 FAMILIES = ("tension", "compression", "third")
 
@@ -79,6 +79,12 @@ def reference_folder() -> Path:
 def reference_truss(name: str, spacing: float = 10.0) -> Truss:
     """A traced reference layout, scaled to a median member of `spacing` mm, cleaned like every truss."""
     return build_truss(reference_network(name, spacing), spacing)
+
+
+def sparse_reference_truss(name: str, stride: int) -> Truss:
+    """Every so many curves of a traced reference layout."""
+    truss = reference_truss(name)
+    return keep_curves(truss, np.arange(len(truss.curves)) % stride == 0)
 
 
 def reference_network(name: str, spacing: float = 10.0) -> CurveNetwork:

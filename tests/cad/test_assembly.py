@@ -15,7 +15,7 @@ from michell_cad.curves import Curve, CurveKind
 from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss, Truss
-from tests.cad.layouts import grid_truss, reference_truss, sized, star
+from tests.cad.layouts import grid_truss, sized, sparse_reference_truss, star
 
 RADIUS = 1.0
 
@@ -165,7 +165,7 @@ def test_nodes_have_a_disc_at_every_tube() -> None:
 
 def test_a_traced_truss_comes_apart_into_valid_parts() -> None:
     """Acute angles, boundary curves, sharp turns: every part is valid, and every curve that names members has one."""
-    prepared = prepare_truss(sized(reference_truss("cantilever_beam_beta0.1_rho16"), 0.8, 0.2), Knobs())
+    prepared = prepare_truss(sized(sparse_reference_truss("cantilever_beam_beta0.1_rho16", 3), 0.8, 0.2), Knobs())
     parts = build_assembly(prepared)
     curves = {curve.name for curve in prepared.sized.truss.curves}
     naming = {prepared.sized.truss.curves[c].name for c in prepared.sized.truss.curve_of_member}

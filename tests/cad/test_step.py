@@ -15,7 +15,7 @@ from michell_cad.cad.solid import TrussSolid, build_solid
 from michell_cad.cad.step import export_step, forecast_step, read_step_summary
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.knobs import Knobs
-from tests.cad.layouts import grid_truss, reference_truss, sized, star
+from tests.cad.layouts import grid_truss, sized, sparse_reference_truss, star
 
 READ = """
 import json, sys
@@ -104,7 +104,7 @@ def test_every_family_has_a_layer(solid, step, assembly) -> None:
 TRUSSES = {
     "grid": lambda: build_solid(sized(grid_truss((3, 3, 3), warp=0.08), 1.0, 0.3), Knobs()),
     "star": lambda: build_solid(star([[1, 0.1, 0.3], [0.2, 1, 0.1], [-0.3, 0.2, 1]]), Knobs(fillet_ratio=0.0)),
-    "beam": lambda: build_solid(sized(reference_truss("cantilever_beam_beta0.1_rho16"), 0.8, 0.2), Knobs()),
+    "beam": lambda: build_solid(sized(sparse_reference_truss("cantilever_beam_beta0.1_rho16", 3), 0.8, 0.2), Knobs()),
 }
 
 
