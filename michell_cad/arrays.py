@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from michell_cad.errors import InvalidInputError
 
@@ -32,3 +33,10 @@ def require(condition: Any, message: str) -> None:
     """Raise `InvalidInputError` with `message` unless `condition` holds."""
     if not bool(condition):
         raise InvalidInputError(message)
+
+
+def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    """Number of the owner, and running number within the owner, of ``counts[k]`` items for each owner k."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    ends = np.cumsum(counts)
+    return owner, np.arange(len(owner)) - (ends - counts)[owner]
