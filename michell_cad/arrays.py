@@ -40,3 +40,11 @@ def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np
     owner = np.repeat(np.arange(len(counts)), counts)
     ends = np.cumsum(counts)
     return owner, np.arange(len(owner)) - (ends - counts)[owner]
+
+
+def same_as_previous(rows: np.ndarray) -> np.ndarray:
+    """Whether each row of a table but the first equals the one before (compared column by column, for speed)."""
+    same = np.ones(max(len(rows) - 1, 0), bool)
+    for column in rows.T:
+        same &= column[1:] == column[:-1]
+    return same

@@ -22,6 +22,7 @@ from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
 from michell_cad.compiled import compiled
+from michell_cad.errors import InvalidInputError
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 """The pairs (i, j) of coordinates that are integer along an interior curve; the third coordinate of pair p is 2 - p."""
@@ -32,11 +33,11 @@ PREDICATE_BITS = 20
 MAX_CELLS_PER_TET = 256.0
 """Cells that one tet may span: the grid step is then 2^-12 cell. Wilder levels are an error in the making."""
 
-MAX_LEVEL = 2.0**31
-"""Levels below this keep the grid exact in 64-bit integers."""
+MAX_LEVEL = 2.0**30
+"""Levels below this keep the grid exact in 64-bit integers, and their floors in 32 bits."""
 
 MAX_CROSSINGS = 2**24
-"""Candidates of one pair that are examined at once (72 bytes each of the three pairs, of address space)."""
+"""Candidates of one pair that are examined at once (52 bytes each of the three pairs, of address space)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +75,13 @@ def round_levels(levels: Float[np.ndarray, "n_v 3"], tets: Int[np.ndarray, "n_t 
     InvalidInputError
         If a level is not finite or beyond `MAX_LEVEL`, or a tet spans more than `MAX_CELLS_PER_TET` cells.
     """
-    bad = ~(np.abs(levels) < MAX_LEVEL).all(1)
-    require(
-        not bad.any(),
-        f"levels must be finite and below {MAX_LEVEL:.3g} in size; {bad.sum()} vertices are not, first "
-        f"vertex {int(np.argmax(bad))}: {levels[bad][:1]}",
-    )
+    good = np.abs(levels) < MAX_LEVEL
+    if not good.all():
+        bad = np.flatnonzero(~good.all(1))
+        raise InvalidInputError(
+            f"levels must be finite and below {MAX_LEVEL:.3g} in size; {len(bad)} vertices are not, first "
+            f"vertex {bad[0]}: {levels[bad[:1]]}"
+        )
     extent, widest = widest_tet(np.ascontiguousarray(levels, np.float64), tets)
     require(
         extent <= MAX_CELLS_PER_TET,
@@ -143,9 +145,10 @@ def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossi
         f"the levels cross the faces of the mesh {candidates.max()} times for one pair of coordinates, more than "
         f"{MAX_CROSSINGS}: the parametrization is too wild, or the resolution too high, for this mesh",
     )
-    # Room for all candidates; the system gives memory only to the part that is filled.
+    # Room for all candidates; the system gives memory only to the part that is filled. Half-size integers, since what
+    # follows is bound by memory.
     room = int(candidates.sum())
-    integers = tuple(np.empty(room, np.int64) for _ in range(5))
+    integers = tuple(np.empty(room, np.int32) for _ in range(5))
     weights, level = np.empty((room, 3)), np.empty(room)
     offsets = np.zeros(len(faces) + 1, np.int64)
     n = find_crossings(faces, grid.values, grid.floors, grid.shift, *integers, weights, level, offsets)

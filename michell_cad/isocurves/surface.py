@@ -54,8 +54,8 @@ def trace_surface(
     edges : crossings with the boundary edges of the mesh, of which `sharp` are features.
     """
     floors = grid.floors[mesh.boundary_triangles]
-    low = floors.min(1)
-    counts = floors.max(1) - low
+    low = np.minimum(np.minimum(floors[:, 0], floors[:, 1]), floors[:, 2])
+    counts = np.maximum(np.maximum(floors[:, 0], floors[:, 1]), floors[:, 2]) - low
     n = int(counts.sum())
     first_segment = (np.cumsum(counts.ravel()) - counts.ravel()).reshape(-1, 3)
     triangle, axis, value = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from michell_cad.arrays import require
+from michell_cad.arrays import require, same_as_previous
 from michell_cad.compiled import compiled
 from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
@@ -272,6 +272,7 @@ def _add_lengths(
                 continue
             for k in range(3):
                 if k == axis[s]:
+                    out[c, k] = -1  # never the longest, also where the others have no direction
                     continue
                 product = 0.0
                 for d in range(3):
@@ -341,7 +342,7 @@ def _order_nodes(nodes: _Nodes) -> Int[np.ndarray, " n"]:
     outside = np.flatnonzero(nodes.kinds != NodeKind.INTERIOR)
     values = nodes.levels[inside].astype(np.int64)
     order = lexicographic_order(values)
-    same = np.flatnonzero((values[order[1:]] == values[order[:-1]]).all(1))
+    same = np.flatnonzero(same_as_previous(values[order]))
     tied = np.union1d(same, same + 1)
     order[tied] = order[tied][_lexsort(nodes, inside[order[tied]])]
     return np.concatenate([inside[order], outside[_lexsort(nodes, outside)]])
@@ -355,7 +356,7 @@ def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: t
     """Curves with their labels; those with equal kind and isovalues are numbered in the order in which they come."""
     n = len(labels)
     new = np.ones(n, bool)
-    new[1:] = (labels[1:] != labels[:-1]).any(1)
+    new[1:] = ~same_as_previous(labels)
     first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
     # Axis -1, the last entry, stands for a feature.
     family_of_axis = np.array([FAMILIES.index(name) for name in (*families, "feature")])
