@@ -38,8 +38,9 @@ _RIVAL, _SAME = 1.03, 1.001
 """Starts go on while their energy is within the first factor of the lowest one; those within the second of each other
 have found the same map."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
-_LAST_PATIENCE = 8
-"""Idle steps that end the last round: symmetric parts rest on a saddle for some, before rounding tips them over."""
+_LAST_ITERATIONS, _LAST_PATIENCE = 200, 16
+"""Of the last round. Symmetric parts (a bar in torsion) rest on a saddle for a dozen idle steps before rounding tips
+them over, to a much better map; whether they do must not be left to luck."""
 
 
 def follow_stress(
@@ -75,7 +76,7 @@ def follow_stress(
             phi,
             precondition,
             memory=_MEMORY,
-            iterations=_ITERATIONS if number or last else _TRIAL_ITERATIONS,
+            iterations=_LAST_ITERATIONS if last else _ITERATIONS if number else _TRIAL_ITERATIONS,
             tolerance=_TOLERANCE,
             patience=_LAST_PATIENCE if last else PATIENCE,
         )
