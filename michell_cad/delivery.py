@@ -119,6 +119,8 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
         "fallback_nodes": dict(r.fallback_nodes),
         "crossings": r.crossings,
         "curve_deviation_mm": r.curve_deviation_mm,
+        "members_off_curve": r.members_off_curve,
+        "design_gap_mm": r.design_gap_mm,
     }
 
 

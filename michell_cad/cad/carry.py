@@ -21,8 +21,8 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     new = start_layout(sized, old.knobs, growth, known=old)
     was, now = _match_members(old, new, number)
     ends_was, ends_now = (np.stack([2 * m, 2 * m + 1], axis=1).ravel() for m in (was, now))
-    new.turned[ends_now] |= old.turned[ends_was]
-    new.straight[now] = old.straight[was]
+    new.aim[ends_now], new.lift[ends_now] = old.aim[ends_was], old.lift[ends_was]
+    new.smoothed[now] = old.smoothed[was]
     new.points[now], new.directions[now] = old.points[was], old.directions[was]
     # A node keeps everything if all its members do.
     kept = np.bincount(new.node[ends_now], minlength=len(growth)) == np.bincount(new.node, minlength=len(growth))
@@ -55,6 +55,7 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
         else:
             column[now[fit]] = old.tubes[name][was[fit]]
     new.unfit[now[fit]] = False
+    new.unturned[now[fit]] = old.unturned[was[fit]]
     return new
 
 
@@ -70,5 +71,4 @@ def _match_members(old: Layout, new: Layout, number: np.ndarray) -> tuple[np.nda
     same = (old.design.points[was] == new.design.points[after]).all((1, 2))
     same &= (old.design.directions[was] == new.design.directions[after]).all((1, 2))
     same &= (old.sized.radii[was] == new.sized.radii[after]).all(1)
-    same &= (old.turned.reshape(-1, 2)[was] >= new.turned.reshape(-1, 2)[after]).all(1)
     return was[same], after[same]
