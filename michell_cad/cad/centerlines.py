@@ -108,9 +108,8 @@ def smooth_curves(points: Float[np.ndarray, "n k 3"], step: Int[np.ndarray, " n"
     smooth = np.array(points)
     count = points.shape[1]
     for number in np.unique(step).tolist():
-        smooth[step == number] = np.einsum(
-            "jk,nkd->njd", _smoothing(count, SMOOTHINGS[number - 1]), points[step == number]
-        )
+        some = step == number
+        smooth[some] = np.einsum("jk,nkd->njd", _smoothing(count, SMOOTHINGS[number - 1]), points[some])
     return smooth
 
 

@@ -53,10 +53,10 @@ def design_gaps(sized: SizedTruss, prepared: PreparedTruss) -> Float[np.ndarray,
     k = built.shape[1]
     nearest = KDTree(built.reshape(-1, 3)).query(design)[1]
     m, at = nearest // k, nearest % k
-    sides = [
+    before, behind = (
         _from_segments(design, built[m, i], built[m, i + 1]) for i in (np.maximum(at - 1, 0), np.minimum(at, k - 2))
-    ]
-    return np.minimum(*sides).reshape(len(sized.truss.members), -1).max(1)
+    )
+    return np.minimum(before, behind).reshape(len(sized.truss.members), -1).max(1)
 
 
 def _from_segments(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -17,9 +17,10 @@ import numpy as np
 from michell_cad.cad.carry import carry_over
 from michell_cad.cad.centerlines import SMOOTHINGS
 from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
-from michell_cad.cad.layout import Layout, lower_levels, place, settle, start_layout
+from michell_cad.cad.layout import Layout, lower_levels, settle, start_layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes
+from michell_cad.cad.placement import place
 from michell_cad.cad.prepared import Changes, PreparedTruss
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.errors import GeometryKernelError
@@ -209,7 +210,8 @@ def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tupl
     smoothed, straight = layout.smoothed > 0, layout.smoothed == len(SMOOTHINGS)
     if (smoothed & ~straight).any():
         lines.append(
-            f"{int((smoothed & ~straight).sum())} members follow a smoother curve: theirs bends too sharply for their radius"
+            f"{int((smoothed & ~straight).sum())} members follow a smoother curve: theirs bends too sharply for their "
+            "radius"
         )
     if straight.any():
         lines.append(f"{int(straight.sum())} members are straight: their radius is too large for their bend")

@@ -1,12 +1,12 @@
 """Tubes: the surface of every member between the two circles where it leaves its nodes.
 
 The spine follows the design curve. It starts at node + reach * direction, a little off the design curve if that is
-bent, and at an angle to it. The offset fades out along the member with the quintic step (1 - t)^3 (1 + 3 t + 6 t^2), the
-angle with t (1 - t)^3 (1 + 3 t), which has the slope 1 and no curvature at its beginning. Circles of radius r(t) (`member_radius`) stand on the spine at 5 to 33 places
-(`SECTION_COUNTS`), in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513).
-The surface is a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so
-that it leaves both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are
-tangent.
+bent, and at an angle to it. The offset fades out along the member with the quintic step (1 - t)^3 (1 + 3 t + 6 t^2),
+the angle with t (1 - t)^3 (1 + 3 t), which begins with the slope 1 and without curvature. Circles of radius r(t)
+(`member_radius`) stand on the spine at 5 to 33 places (`SECTION_COUNTS`), in rotation-minimising frames (double
+reflection, Wang et al. 2008, doi:10.1145/1330511.1330513). The surface is a rational quadratic around (nine poles,
+exact circles at the sections) and a cubic along, clamped so that it leaves both circles along the tangent of the spine:
+with zero slope of r at the ends, tube and fillet are tangent.
 """
 
 from collections.abc import Sequence
@@ -28,13 +28,13 @@ FOLLOWS = 0.1
 """Largest distance between a spine and its goal, halfway between its circles (relative to the smallest radius)."""
 
 STRAY, BEND = 0.1, 2.5
-"""Where a tube begins off its curve, or at an angle to it, the spine comes back over such a length that the slant strays
-from the curve by at most the first (relative to the radius), but without bending more sharply than with the second
-(relative: radius of curvature over radius of the tube)."""
+"""Where a tube begins off its curve, or at an angle to it, the spine comes back over such a length that the slant
+strays from the curve by at most the first (relative to the radius), but without bending more sharply than with the
+second (radius of curvature over radius of the tube)."""
 
 FREE = 3.0
-"""Between two nodes that leave less tube than this, the spine may be the cubic with the slopes at its ends, whatever the
-curve does in between (relative to the radius)."""
+"""Between two nodes that leave less tube than this, the spine may be the cubic with the slopes at its ends, whatever
+the curve does in between (relative to the radius)."""
 
 AROUND = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], float)
 """The poles of a circle as a rational quadratic spline, in its plane, for radius 1."""
@@ -185,25 +185,17 @@ def fit_tubes(
     n = len(starts)
     ends = starts + reach[..., None] * centerlines.directions
     free = tight & (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) < FREE * radii.max(1))
+    goal = _Goal(centerlines, ends, reach, radii.min(1), free)
     sections, straight = np.zeros(n, int), np.zeros(n, bool)
     spines: list[np.ndarray] = [np.zeros((0, 3))] * n
     poles, end_normals = spines.copy(), np.zeros((n, 2, 3))
-    rows, thinnest = np.arange(n), radii.min(1)
+    rows = np.arange(n)
     for count in SECTION_COUNTS:
-        goal = _Goal(
-            Centerlines(centerlines.points[rows], centerlines.directions[rows]),
-            ends[rows],
-            reach[rows],
-            thinnest[rows],
-            free[rows],
-        )
-        spine = _fit_spines(goal, count)
-        good = np.flatnonzero(_follows(goal, spine, count) | (count == SECTION_COUNTS[-1]))
+        some = goal.some(rows)
+        spine = _fit_spines(some, count)
+        good = np.flatnonzero(_follows(some, spine, count) | (count == SECTION_COUNTS[-1]))
         m = rows[good]
-        some = _Goal(
-            Centerlines(centerlines.points[m], centerlines.directions[m]), ends[m], reach[m], thinnest[m], free[m]
-        )
-        found, normals, straight[m] = _fit_surfaces(some, spine[good], radii[m], phase[m], count)
+        found, normals, straight[m] = _fit_surfaces(goal.some(m), spine[good], radii[m], phase[m], count)
         sections[m], end_normals[m] = count, normals
         for i, one, surface in zip(m.tolist(), spine[good], found, strict=True):
             spines[i], poles[i] = one, surface
@@ -213,13 +205,21 @@ def fit_tubes(
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3)."""
+    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3).
+
+    `radius` (n_m,) is the smallest of each tube; tubes that are `free` (n_m,) need not follow their curve.
+    """
 
     lines: Centerlines
     ends: np.ndarray
     reach: np.ndarray
     radius: np.ndarray
     free: np.ndarray
+
+    def some(self, rows: np.ndarray) -> "_Goal":
+        """The goals of some members."""
+        lines = Centerlines(self.lines.points[rows], self.lines.directions[rows])
+        return _Goal(lines, self.ends[rows], self.reach[rows], self.radius[rows], self.free[rows])
 
     @cached_property
     def speed(self) -> np.ndarray:

@@ -7,7 +7,8 @@ import pytest
 
 from michell_cad.cad.carry import carry_over
 from michell_cad.cad.fidelity import curve_deviation
-from michell_cad.cad.layout import Layout, place, settle, start_layout
+from michell_cad.cad.layout import Layout, settle, start_layout
+from michell_cad.cad.placement import place
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.knobs import Knobs
@@ -35,7 +36,7 @@ def touching_arcs(radius: float) -> SizedTruss:
 
 
 def test_tubes_begin_on_their_curves() -> None:
-    """A member that bends with the radius 12 mm aims at the point of its arc where its tube begins: at half the turn."""
+    """A member that bends with the radius 12 mm aims at the point where its tube begins: at half the turn."""
     bent = prepare_truss(touching_arcs(0.5), Knobs())
     assert bent.turned_ends == 0
     reach, d = bent.sizes.reach[::2], bent.directions[::2]
