@@ -31,6 +31,7 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     kept &= (node_was >= 0) & (np.bincount(old.node, minlength=len(number))[node_was] > 0)
     kept &= np.bincount(old.node, minlength=len(number))[node_was] == np.bincount(new.node, minlength=len(growth))
     kept[kept] = ~(old.stale | old.unplaced)[node_was[kept]]
+    kept[_reordered(old.node[ends_was], ends_was, ends_now, new.node)] = False
     chosen = np.flatnonzero(kept)
     new.level[chosen], new.nudges[chosen] = old.level[node_was[chosen]], old.nudges[node_was[chosen]]
     new.sizes["radius"][chosen] = old.sizes["radius"][node_was[chosen]]
@@ -57,6 +58,14 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     new.unfit[now[fit]] = False
     new.unturned[now[fit]] = old.unturned[was[fit]]
     return new
+
+
+def _reordered(node: np.ndarray, was: np.ndarray, now: np.ndarray, node_now: np.ndarray) -> np.ndarray:
+    """Nodes (by new numbers) at which ends have another order than before: seams and mitres count ends in order."""
+    order = np.lexsort((was, node))
+    node, now = node[order], now[order]
+    backward = np.flatnonzero((node[1:] == node[:-1]) & (now[1:] < now[:-1]))
+    return node_now[now[backward]]
 
 
 def _match_members(old: Layout, new: Layout, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
