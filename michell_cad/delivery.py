@@ -158,6 +158,8 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
         "fallback_nodes": dict(r.fallback_nodes),
         "crossings": r.crossings,
         "curve_deviation_mm": r.curve_deviation_mm,
+        "members_off_curve": r.members_off_curve,
+        "design_gap_mm": r.design_gap_mm,
     }
 
 
@@ -177,6 +179,12 @@ def _notes(report: dict[str, Any], knobs: Knobs) -> list[str]:
         notes.append(
             f"the truss is finer than the mesh ({ratio:.1f} cells on a tet edge): members are straight within a tet; "
             f"mesh.size = {size:.3g} mm or finer would resolve them"
+        )
+    cleaning = report["truss"]["cleaning"]
+    if cleaning["loose_pieces"]:
+        notes.append(
+            f"{cleaning['loose_pieces']} loose pieces of {cleaning['loose_members']} members in all were left out: "
+            "nothing touches them, neither the rest of the truss nor a support or load"
         )
     if knobs.families != ("tension", "compression", "third") or knobs.every != 1:
         notes.append("the knobs keep some of the curves only; the report's truss block is about those")

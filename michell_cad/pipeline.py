@@ -133,7 +133,7 @@ def design(
         families = name_families(mesh, stress_field.stress, parametrization.tangents)
         network = trace_isocurves(mesh, levels, families)
     with _stage("truss", times, progress):
-        truss, cleaning = clean_network(network, spacing, options.truss)
+        truss, cleaning = clean_network(network, spacing, options.truss, mesh.vertices[problem.anchored])
         truss = keep_inside(truss, mesh)
 
     alignment = measure_alignment(stress_field.stress, frame_field, parametrization, network)

@@ -5,6 +5,7 @@ plain arrays at the vertices, which is all that the numerical stages need to kno
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -136,6 +137,12 @@ class DesignProblem:
             f"{f'; and {len(motions) - MOST_NAMED} more' if len(motions) > MOST_NAMED else ''}. "
             "Hold more faces, or more axes of them",
         )
+
+    @cached_property
+    def anchored(self) -> Bool[np.ndarray, " n_v"]:
+        """Vertices that are held or loaded; a load on every vertex (weight) is on no place in particular."""
+        loaded = np.array([(case.force != 0).any(1) for case in self.load_cases])
+        return self.fixed.any(1) | loaded[~loaded.all(1)].any(0)
 
 
 # --- loads on regions of the boundary, as consistent nodal forces --------------------------------------------

@@ -100,6 +100,46 @@ def test_short_members_collapse_towards_the_more_constrained_node() -> None:
     )
 
 
+def loose_network(size: int) -> CurveNetwork:
+    """The box network, and a feature of so many members of 1 mm, 10 mm beside it."""
+    box = box_network()
+    edge = network_of(
+        [[10 + i, 0, 0] for i in range(size + 1)],
+        [FEATURE] * (size + 1),
+        [(CurveKind.FEATURE, list(range(size + 1)), False)],
+    )
+    n, m = len(box.nodes), len(box.members)
+    curve = replace(edge.curves[0], component=99, nodes=edge.curves[0].nodes + n, members=edge.curves[0].members + m)
+    return CurveNetwork(
+        np.concatenate([box.nodes, edge.nodes]),
+        np.concatenate([box.node_kinds, edge.node_kinds]),
+        np.concatenate([box.node_levels, edge.node_levels]),
+        np.concatenate([box.members, edge.members + n]),
+        box.path_points,
+        np.concatenate([box.path_offsets, np.full(size, box.path_offsets[-1])]),
+        Curves.of([*box.curves, curve]),
+    )
+
+
+@pytest.mark.parametrize(("size", "dropped"), [(1, 1), (2, 2), (12, 12), (13, 0)])
+def test_small_pieces_that_nothing_touches_are_left_out(size, dropped) -> None:
+    network = loose_network(size)
+    truss, report = clean_network(network, 1.0)
+    assert (report.loose_pieces, report.loose_members) == (min(dropped, 1), dropped)
+    assert len(truss.members) == 300 + size - dropped
+    assert len(truss.curves) == len(network.curves) - (dropped > 0)
+    np.testing.assert_array_equal(truss.nodes[:125], box_network().nodes)
+
+
+def test_small_pieces_stay_where_the_part_is_held_or_loaded_and_where_there_is_nothing_else() -> None:
+    for anchor, kept in (([10.0, 0.5, 0.0], True), ([10.0, 1.5, 0.0], False), ([1.0, 1.0, 1.0], False)):
+        truss, report = clean_network(loose_network(1), 1.0, anchors=np.array([anchor]))
+        assert len(truss.members) == 300 + kept
+        assert report.loose_members == (not kept)
+    alone = network_of([[0, 0, 0], [1, 0, 0]], [FEATURE] * 2, [(CurveKind.FEATURE, [0, 1], False)])
+    assert len(clean_network(alone, 1.0)[0].members) == 1
+
+
 def test_curves_that_shrink_to_a_point_vanish_and_labels_stay() -> None:
     nodes = [[0, 0, 0], [0.1, 0, 0], [1, 0, 0], [2, 0, 0]]
     network = network_of(

@@ -163,6 +163,7 @@ def _fit_cores(p: PreparedTruss, joints: _Joints) -> tuple[Pieces, np.ndarray]:
         np.zeros((n, 2)),
         np.stack([r[:, 0], r.mean(1), r[:, 1]], axis=1),
         np.zeros(n),
+        np.zeros(n, bool),
     )
     return Pieces(outer, tangents, tubes.end_normals, r, tubes.straight, tuple(tubes.poles)), _too_sharp(tubes)
 

@@ -21,8 +21,8 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     new = start_layout(sized, old.knobs, growth, known=old)
     was, now = _match_members(old, new, number)
     ends_was, ends_now = (np.stack([2 * m, 2 * m + 1], axis=1).ravel() for m in (was, now))
-    new.turned[ends_now] |= old.turned[ends_was]
-    new.straight[now] = old.straight[was]
+    new.aim[ends_now], new.lift[ends_now] = old.aim[ends_was], old.lift[ends_was]
+    new.smoothed[now] = old.smoothed[was]
     new.points[now], new.directions[now] = old.points[was], old.directions[was]
     # A node keeps everything if all its members do.
     kept = np.bincount(new.node[ends_now], minlength=len(growth)) == np.bincount(new.node, minlength=len(growth))
@@ -31,6 +31,7 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     kept &= (node_was >= 0) & (np.bincount(old.node, minlength=len(number))[node_was] > 0)
     kept &= np.bincount(old.node, minlength=len(number))[node_was] == np.bincount(new.node, minlength=len(growth))
     kept[kept] = ~(old.stale | old.unplaced)[node_was[kept]]
+    kept[_reordered(old.node[ends_was], ends_was, ends_now, new.node)] = False
     chosen = np.flatnonzero(kept)
     new.level[chosen], new.nudges[chosen] = old.level[node_was[chosen]], old.nudges[node_was[chosen]]
     new.sizes["radius"][chosen] = old.sizes["radius"][node_was[chosen]]
@@ -55,7 +56,16 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
         else:
             column[now[fit]] = old.tubes[name][was[fit]]
     new.unfit[now[fit]] = False
+    new.unturned[now[fit]] = old.unturned[was[fit]]
     return new
+
+
+def _reordered(node: np.ndarray, was: np.ndarray, now: np.ndarray, node_now: np.ndarray) -> np.ndarray:
+    """Nodes (by new numbers) at which ends have another order than before: seams and mitres count ends in order."""
+    order = np.lexsort((was, node))
+    node, now = node[order], now[order]
+    backward = np.flatnonzero((node[1:] == node[:-1]) & (now[1:] < now[:-1]))
+    return node_now[now[backward]]
 
 
 def _match_members(old: Layout, new: Layout, number: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,5 +80,4 @@ def _match_members(old: Layout, new: Layout, number: np.ndarray) -> tuple[np.nda
     same = (old.design.points[was] == new.design.points[after]).all((1, 2))
     same &= (old.design.directions[was] == new.design.directions[after]).all((1, 2))
     same &= (old.sized.radii[was] == new.sized.radii[after]).all(1)
-    same &= (old.turned.reshape(-1, 2)[was] >= new.turned.reshape(-1, 2)[after]).all(1)
     return was[same], after[same]

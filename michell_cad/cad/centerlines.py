@@ -4,7 +4,7 @@ This is all that the solid needs to know of a curve, so that any spline represen
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -45,18 +45,44 @@ class Centerlines:
 
     def at(self, s: Float[np.ndarray, "n_m j"]) -> Float[np.ndarray, "n_m j 3"]:
         """Points at the fractions `s` of arc length, by the cubic through the four nearest samples."""
-        n_m, k, _ = self.points.shape
-        x = np.clip(s, 0, 1) * (k - 1)
-        first = np.clip(np.floor(x).astype(int) - 1, 0, k - 4)
-        t = x - first
-        weights = (
-            -(t - 1) * (t - 2) * (t - 3) / 6,
-            t * (t - 2) * (t - 3) / 2,
-            -t * (t - 1) * (t - 3) / 2,
-            t * (t - 1) * (t - 2) / 6,
+        return points_at(self.points, s)
+
+    def slopes_at(self, s: Float[np.ndarray, "n_m j"]) -> Float[np.ndarray, "n_m j 3"]:
+        """Unit tangents at the fractions `s` of arc length, from the first node to the second."""
+        slopes = points_at(self.points, s, slope=True)
+        return slopes / np.linalg.norm(slopes, axis=2, keepdims=True)
+
+
+def points_at(
+    points: Float[np.ndarray, "n k 3"], s: Float[np.ndarray, "n j"], slope: bool = False
+) -> Float[np.ndarray, "n j 3"]:
+    """Points, or derivatives, of the cubics through the four samples nearest to the fractions `s` of each row."""
+    n, k, _ = points.shape
+    x = np.clip(s, 0, 1) * (k - 1)
+    first = np.clip(np.floor(x).astype(int) - 1, 0, k - 4)
+    t = x - first
+    weights = (
+        _lagrange(t)
+        if not slope
+        else (
+            -((t - 2) * (t - 3) + (t - 1) * (t - 3) + (t - 1) * (t - 2)) / 6,
+            ((t - 2) * (t - 3) + t * (t - 3) + t * (t - 2)) / 2,
+            -((t - 1) * (t - 3) + t * (t - 3) + t * (t - 1)) / 2,
+            ((t - 1) * (t - 2) + t * (t - 2) + t * (t - 1)) / 6,
         )
-        rows = np.arange(n_m)[:, None]
-        return np.sum([w[..., None] * self.points[rows, first + i] for i, w in enumerate(weights)], axis=0)
+    )
+    rows = np.arange(n)[:, None]
+    return np.sum([w[..., None] * points[rows, first + i] for i, w in enumerate(weights)], axis=0)
+
+
+def _lagrange(t: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Weights of the cubic through values at 0, 1, 2 and 3."""
+    return (
+        -(t - 1) * (t - 2) * (t - 3) / 6,
+        t * (t - 2) * (t - 3) / 2,
+        -t * (t - 1) * (t - 3) / 2,
+        t * (t - 1) * (t - 2) / 6,
+    )
 
 
 def samples_of(splines: MemberSplines) -> int:
@@ -72,11 +98,29 @@ def sample_splines(splines: MemberSplines, samples: int | None = None) -> Center
     return Centerlines(splines.positions(np.linspace(0, 1, samples)), ends * np.array([1.0, -1.0])[:, None])
 
 
-def straight_centerlines(
-    nodes: Float[np.ndarray, "n_n 3"], members: Int[np.ndarray, "n_m 2"], samples: int = SAMPLES
-) -> Centerlines:
-    """Centre lines that are the straight chords between the nodes."""
-    a, b = nodes[members[:, 0]], nodes[members[:, 1]]
-    s = np.linspace(0, 1, samples)[:, None]
-    chord = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
-    return Centerlines(a[:, None] * (1 - s) + b[:, None] * s, np.stack([chord, -chord], axis=1))
+SMOOTHINGS = (4, 16, 64, 0)
+"""Passes of (1/4, 1/2, 1/4) over the samples of a curve, one number after the other until its tube is not pinched; 0
+stands for the straight chord. On 17 samples 16 passes take a seventh of the rise of a half wave."""
+
+
+def smooth_curves(points: Float[np.ndarray, "n k 3"], step: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n k 3"]:
+    """Curves smoothed by the first so many of `SMOOTHINGS`; their ends stay."""
+    smooth = np.array(points)
+    count = points.shape[1]
+    for number in np.unique(step).tolist():
+        some = step == number
+        smooth[some] = np.einsum("jk,nkd->njd", _smoothing(count, SMOOTHINGS[number - 1]), points[some])
+    return smooth
+
+
+@cache
+def _smoothing(count: int, passes: int) -> np.ndarray:
+    """Matrix of so many passes over samples, for 17 samples; finer samples take more passes."""
+    if not passes:
+        s = np.linspace(0, 1, count)
+        chord = np.zeros((count, count))
+        chord[:, 0], chord[:, -1] = 1 - s, s
+        return chord
+    once = np.eye(count) / 2 + np.eye(count, k=1) / 4 + np.eye(count, k=-1) / 4
+    once[[0, -1]] = np.eye(count)[[0, -1]]
+    return np.linalg.matrix_power(once, passes * ((count - 1) // (SAMPLES - 1)) ** 2)

@@ -57,15 +57,19 @@ class TrussMesh:
         """Triangles with an edge that has not exactly two triangles, which run along it in opposite directions."""
         t, n = self.triangles, len(self.vertices)
         edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+        low, high = edges.min(1), edges.max(1)
+        key = np.sort(2 * (low * n + high) + (edges[:, 0] > low))
+        # The usual case, for which one sort is enough: both directions of every edge are there, once each.
+        upward, downward = key[::2], key[1::2]
+        if len(upward) == len(downward) and not (upward & 1).any() and (downward == upward + 1).all():
+            if (upward[1:] > downward[:-1]).all():
+                return np.zeros(0, np.int64)
         code, back = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
         order = np.argsort(code)
         ranked = code[order]
         once = np.ones(len(code), bool)
         once[order[1:]] &= ranked[1:] != ranked[:-1]
         once[order[:-1]] &= ranked[1:] != ranked[:-1]
-        # The usual case, at the price of one more sort: both directions of every edge are there, once each.
-        if once.all() and np.array_equal(ranked, np.sort(back)):
-            return np.zeros(0, np.int64)
         paired = ranked[np.minimum(np.searchsorted(ranked, back), len(ranked) - 1)] == back
         return np.flatnonzero(~(once & paired).reshape(3, -1).all(0))
 

@@ -15,10 +15,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from michell_cad.cad.carry import carry_over
+from michell_cad.cad.centerlines import SMOOTHINGS
 from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
-from michell_cad.cad.layout import Layout, lower_levels, place, settle, start_layout
+from michell_cad.cad.layout import Layout, lower_levels, settle, start_layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes
+from michell_cad.cad.placement import place
 from michell_cad.cad.prepared import Changes, PreparedTruss
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.errors import GeometryKernelError
@@ -166,7 +168,8 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
     for i in sorted(layout.mitres):
         ends = layout.ends_of(i)
         mitres[i] = NodeMitre(ends[sizes.creased[ends]], layout.mitres[i])
-    turned = layout.turned & ~np.repeat(layout.straight, 2)
+    straight = layout.smoothed == len(SMOOTHINGS)
+    turned = (layout.lift > 0) & ~np.repeat(straight, 2)
     return PreparedTruss(
         sized=layout.sized,
         design=layout.design,
@@ -182,7 +185,7 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
         raised_nodes=int((used & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),
         reduced_nodes=int(smaller.sum()),
         turned_ends=int(turned.sum()),
-        straightened_members=int(layout.straight.sum()),
+        straightened_members=int(straight.sum()),
         messages=_messages(layout, changes, int(sharp.sum()), int(turned.sum())),
     )
 
@@ -204,12 +207,14 @@ def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tupl
     removed = changes.original_members - len(layout.sized.truss.members)
     if removed:
         lines.append(f"the solid has {abs(removed)} members {'fewer' if removed > 0 else 'more'} than the truss")
-    if turned:
+    smoothed, straight = layout.smoothed > 0, layout.smoothed == len(SMOOTHINGS)
+    if (smoothed & ~straight).any():
         lines.append(
-            f"{turned} ends of members leave their node along a secant of their curve, to keep clear of another member"
+            f"{int((smoothed & ~straight).sum())} members follow a smoother curve: theirs bends too sharply for their "
+            "radius"
         )
-    if layout.straight.any():
-        lines.append(f"{int(layout.straight.sum())} members are straight: their radius is too large for their bend")
+    if straight.any():
+        lines.append(f"{int(straight.sum())} members are straight: their radius is too large for their bend")
     return tuple(lines)
 
 

@@ -60,7 +60,7 @@ class PreparedTruss:
     ----------
     sized : the truss as it is built: short and near-parallel members may have been merged.
     design : design curves of its members.
-    centerlines : the same, as they are built: some straight, some with other directions at their nodes.
+    centerlines : the same, as they are built: some smoothed or straight, with other directions at their nodes.
     sizes : spheres, fillets, mitres.
     tubes : surfaces of the members.
     mitres : per mitred node.
@@ -71,7 +71,7 @@ class PreparedTruss:
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
     reduced_nodes : smaller spheres or fillets than wanted.
-    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
+    turned_ends : ends that aim farther along their curve than their tube begins, to keep clear of another member.
     straightened_members : members that do not follow their curve at all, since there is no room for the bend.
     messages : one sentence for every kind of change.
     """

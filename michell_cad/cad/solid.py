@@ -10,13 +10,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, require
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
 from michell_cad.cad.clearance import Crossings, crossing_tubes
+from michell_cad.cad.fidelity import curve_deviation, design_gaps
 from michell_cad.cad.mesh import SEGMENTS, TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
@@ -53,10 +54,12 @@ class SolidReport:
         members), and ``mitred`` (members at acute angles that meet in sharp edges, only where no fillets are wanted).
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
-    turned_ends : ends that leave their node along a secant of their curve, not along its tangent.
+    turned_ends : ends that aim farther along their curve than their tube begins, to keep clear of another member.
     straightened_members, merged_members : members that do not follow their curve; members gone.
     crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
-    curve_deviation_mm : largest distance of a spine from its design curve.
+    curve_deviation_mm : largest distance of a centre line from the design curve of its member.
+    members_off_curve : members whose centre line is farther than their radius from it somewhere.
+    design_gap_mm : largest distance of a design curve, before any changes, from the nearest centre line.
     messages : one sentence for every kind of change or warning.
     """
 
@@ -79,6 +82,8 @@ class SolidReport:
     merged_members: int
     crossings: int
     curve_deviation_mm: float
+    members_off_curve: int
+    design_gap_mm: float
     messages: tuple[str, ...]
 
 
@@ -185,7 +190,7 @@ def build_solid(
         prepared = prepare_truss(sized, knobs, previous=prepared, shaken=nodes.tolist())
     else:
         raise GeometryKernelError(fault)
-    report = _report(prepared, mesh, plan.components, len(faces), [kernel.volume(solid) for solid in solids])
+    report = _report(sized, prepared, mesh, plan.components, len(faces), [kernel.volume(solid) for solid in solids])
     tell(1.0)
     return TrussSolid(
         prepared, mesh, report, plan.faces.role, plan.faces.owner, plan.faces.component, tuple(solids), tuple(faces)
@@ -244,7 +249,12 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _report(
-    prepared: PreparedTruss, mesh: TrussMesh, components: int, faces: int, volumes: Sequence[float]
+    sized: SizedTruss,
+    prepared: PreparedTruss,
+    mesh: TrussMesh,
+    components: int,
+    faces: int,
+    volumes: Sequence[float],
 ) -> SolidReport:
     truss, sizes = prepared.sized.truss, prepared.sizes
     used = np.unique(truss.members)
@@ -263,7 +273,7 @@ def _report(
             f"the solid has {volume:.6g} mm^3, its direct mesh {mesh.volume:.6g} mm^3: "
             f"a difference of {difference:.2%} instead of at most {LARGEST_VOLUME_DIFFERENCE:.2%}; use a smaller radius"
         )
-    crossings, deviation = crossing_tubes(prepared), curve_deviation(prepared)
+    crossings, deviation, gaps = crossing_tubes(prepared), curve_deviation(prepared), design_gaps(sized, prepared)
     plain = np.ones(len(truss.nodes), bool)
     plain[prepared.node_of_end[sizes.fillet <= 0]] = False
     return SolidReport(
@@ -286,7 +296,14 @@ def _report(
         merged_members=prepared.changes.original_members - len(truss.members),
         crossings=len(crossings.depth),
         curve_deviation_mm=float(deviation.max()),
-        messages=prepared.messages + _tell_deviations(prepared, deviation) + _warn_crossings(prepared, crossings),
+        members_off_curve=int((deviation > prepared.tubes.radius_range[0]).sum()),
+        design_gap_mm=float(gaps.max()),
+        messages=(
+            *prepared.messages,
+            *_tell_deviations(prepared, deviation),
+            *_tell_gaps(sized, gaps),
+            *_warn_crossings(prepared, crossings),
+        ),
     )
 
 
@@ -296,21 +313,6 @@ def mesh_bodies(mesh: TrussMesh) -> int:
     ends = (t[:, [0, 1]].ravel(), t[:, [1, 2]].ravel())
     _, label = connected_components(coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
     return len(np.unique(label[t[:, 0]]))
-
-
-def curve_deviation(prepared: PreparedTruss) -> Float[np.ndarray, " n_m"]:
-    """Largest distance of each spine from the design curve, mm, by samples on both."""
-    design = prepared.design.points
-    spine = prepared.tubes.spine_points(np.linspace(0, 1, design.shape[1] // 2 + 1))
-    worst = np.zeros(len(design))
-    for k in range(spine.shape[1]):
-        away = np.full(len(design), np.inf)
-        for a, b in zip(design[:, :-1].transpose(1, 0, 2), design[:, 1:].transpose(1, 0, 2), strict=True):
-            edge = b - a
-            t = np.clip(((spine[:, k] - a) * edge).sum(1) / np.maximum((edge**2).sum(1), 1e-300), 0, 1)
-            away = np.minimum(away, np.linalg.norm(spine[:, k] - a - t[:, None] * edge, axis=1))
-        worst = np.maximum(worst, away)
-    return worst
 
 
 def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[str, ...]:
@@ -323,6 +325,19 @@ def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[st
     return (
         f"{len(far)} of {len(deviation)} members run farther than their radius from their design curve, "
         f"at most {deviation[worst]:.3g} mm, on {name}",
+    )
+
+
+def _tell_gaps(sized: SizedTruss, gaps: np.ndarray) -> tuple[str, ...]:
+    truss = sized.truss
+    far = np.flatnonzero(gaps > sized.radii.max(1))
+    if not len(far):
+        return ()
+    owner = truss.curve_of_member[far]
+    names = [truss.curves[c].name for c in dict.fromkeys(owner[np.argsort(-gaps[far], kind="stable")].tolist())]
+    return (
+        f"{len(far)} members of the truss have no member of the solid within their radius, since nodes were merged or "
+        f"members led another way: up to {gaps.max():.3g} mm are between, on {_some(names)}",
     )
 
 

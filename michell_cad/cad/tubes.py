@@ -1,12 +1,12 @@
 """Tubes: the surface of every member between the two circles where it leaves its nodes.
 
-The spine follows the design curve. It starts where the direction of the end pierces the circle's plane, at
-node + reach * direction, a little off the design curve if that is bent; the offset fades out along the member with the
-quintic step (1 - t)^3 (1 + 3 t + 6 t^2). Circles of radius r(t) (`member_radius`) stand on the spine at 5 to 33 places
-(`SECTION_COUNTS`), in rotation-minimising frames (double reflection, Wang et al. 2008, doi:10.1145/1330511.1330513).
-The surface is a rational quadratic around (nine poles, exact circles at the sections) and a cubic along, clamped so
-that it leaves both circles along the tangent of the spine: with zero slope of r at the ends, tube and fillet are
-tangent.
+The spine follows the design curve. It starts at node + reach * direction, a little off the design curve if that is
+bent, and at an angle to it. The offset fades out along the member with the quintic step (1 - t)^3 (1 + 3 t + 6 t^2),
+the angle with t (1 - t)^3 (1 + 3 t), which begins with the slope 1 and without curvature. Circles of radius r(t)
+(`member_radius`) stand on the spine at 5 to 33 places (`SECTION_COUNTS`), in rotation-minimising frames (double
+reflection, Wang et al. 2008, doi:10.1145/1330511.1330513). The surface is a rational quadratic around (nine poles,
+exact circles at the sections) and a cubic along, clamped so that it leaves both circles along the tangent of the spine:
+with zero slope of r at the ends, tube and fillet are tangent.
 """
 
 from collections.abc import Sequence
@@ -26,6 +26,15 @@ SECTION_COUNTS = (5, 9, 17, 33)
 
 FOLLOWS = 0.1
 """Largest distance between a spine and its goal, halfway between its circles (relative to the smallest radius)."""
+
+STRAY, BEND = 0.1, 2.5
+"""Where a tube begins off its curve, or at an angle to it, the spine comes back over such a length that the slant
+strays from the curve by at most the first (relative to the radius), but without bending more sharply than with the
+second (radius of curvature over radius of the tube)."""
+
+FREE = 3.0
+"""Between two nodes that leave less tube than this, the spine may be the cubic with the slopes at its ends, whatever
+the curve does in between (relative to the radius)."""
 
 AROUND = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]], float)
 """The poles of a circle as a rational quadratic spline, in its plane, for radius 1."""
@@ -160,6 +169,7 @@ def fit_tubes(
     reach: Float[np.ndarray, "n_m 2"],
     radii: Float[np.ndarray, "n_m 3"],
     phase: Float[np.ndarray, " n_m"],
+    tight: Bool[np.ndarray, " n_m"],
 ) -> Tubes:
     """Fit the tubes of all members.
 
@@ -170,20 +180,22 @@ def fit_tubes(
     reach : distance from each node to its circle, mm.
     radii : radius at start, middle and end of each tube, mm.
     phase : rotation of the first circle's zero angle about the member, radians.
+    tight : tubes that were pinched: those shorter than `FREE` bend as little as their ends let them.
     """
     n = len(starts)
     ends = starts + reach[..., None] * centerlines.directions
+    free = tight & (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) < FREE * radii.max(1))
+    goal = _Goal(centerlines, ends, reach, radii.min(1), free)
     sections, straight = np.zeros(n, int), np.zeros(n, bool)
     spines: list[np.ndarray] = [np.zeros((0, 3))] * n
     poles, end_normals = spines.copy(), np.zeros((n, 2, 3))
     rows = np.arange(n)
     for count in SECTION_COUNTS:
-        goal = _Goal(Centerlines(centerlines.points[rows], centerlines.directions[rows]), ends[rows], reach[rows])
-        spine = _fit_spines(goal, count)
-        good = np.flatnonzero(_follows(goal, spine, count, radii[rows].min(1)) | (count == SECTION_COUNTS[-1]))
+        some = goal.some(rows)
+        spine = _fit_spines(some, count)
+        good = np.flatnonzero(_follows(some, spine, count) | (count == SECTION_COUNTS[-1]))
         m = rows[good]
-        some = _Goal(Centerlines(centerlines.points[m], centerlines.directions[m]), ends[m], reach[m])
-        found, normals, straight[m] = _fit_surfaces(some, spine[good], radii[m], phase[m], count)
+        found, normals, straight[m] = _fit_surfaces(goal.some(m), spine[good], radii[m], phase[m], count)
         sections[m], end_normals[m] = count, normals
         for i, one, surface in zip(m.tolist(), spine[good], found, strict=True):
             spines[i], poles[i] = one, surface
@@ -193,18 +205,28 @@ def fit_tubes(
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3)."""
+    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3).
+
+    `radius` (n_m,) is the smallest of each tube; tubes that are `free` (n_m,) need not follow their curve.
+    """
 
     lines: Centerlines
     ends: np.ndarray
     reach: np.ndarray
+    radius: np.ndarray
+    free: np.ndarray
+
+    def some(self, rows: np.ndarray) -> "_Goal":
+        """The goals of some members."""
+        lines = Centerlines(self.lines.points[rows], self.lines.directions[rows])
+        return _Goal(lines, self.ends[rows], self.reach[rows], self.radius[rows], self.free[rows])
 
     @cached_property
     def speed(self) -> np.ndarray:
         """Length from circle to circle."""
         chord = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
-        points = self.at(np.linspace(0, 1, self.lines.points.shape[1] // 2 + 1))
-        return np.maximum(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1), chord)
+        points = self._curves_at(np.linspace(0, 1, self.lines.points.shape[1] // 2 + 1))
+        return np.where(self.free, chord, np.maximum(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1), chord))
 
     @property
     def slopes(self) -> np.ndarray:
@@ -212,16 +234,59 @@ class _Goal:
         d = self.lines.directions
         return np.stack([d[:, 0], -d[:, 1]], axis=1) * self.speed[:, None, None]
 
+    @cached_property
+    def _trims(self) -> tuple[np.ndarray, np.ndarray]:
+        """Fractions of arc length at which the tubes begin and end; a trace of every curve is left, whatever its nodes
+        take.
+        """
+        share = self.reach / np.maximum(self.lines.lengths, self.reach.sum(1) / 0.98)[:, None]
+        return share[:, :1], 1 - share[:, 1:]
+
+    @cached_property
+    def _leads(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """At both ends: from the curve to the circle, from its slope to the direction, and over which shares of the
+        length these two fade.
+        """
+        s_0, s_1 = self._trims
+        size = np.maximum((s_1 - s_0) * self.lines.lengths[:, None], 1e-9)
+        leads = []
+        for side, s in enumerate((s_0, s_1)):
+            gap = self.ends[:, side] - self.lines.at(s)[:, 0]
+            turn = (1 - 2 * side) * self.lines.slopes_at(s)[:, 0]
+            turn = self.lines.directions[:, side] - turn
+            far, r = np.linalg.norm(gap, axis=1, keepdims=True), self.radius[:, None]
+            angle = np.linalg.norm(turn, axis=1, keepdims=True)
+            room = STRAY * r
+            # The largest second derivative of the first step is 5.8; of the other 3.9, and its largest value 0.2.
+            over = np.maximum(size * room / np.maximum(far, room), np.sqrt(5.8 * BEND * r * far))
+            turn_over = np.maximum(room / (0.2 * np.maximum(angle, 1e-12)), 3.9 * BEND * r * angle)
+            leads.append((gap, turn * size, *(np.minimum(x / size, 1) for x in (over, turn_over))))
+        return leads
+
     def at(self, t: np.ndarray) -> np.ndarray:
         """Points (n_m, j, 3) at the parameters t."""
-        # At least a trace of every curve is left, however much its nodes take.
-        share = self.reach / np.maximum(self.lines.lengths, self.reach.sum(1) / 0.98)[:, None]
-        s_0, s_1 = share[:, :1], 1 - share[:, 1:]
-        fade = (1 - t) ** 3 * (1 + 3 * t + 6 * t**2)
-        back = t**3 * (1 + 3 * (1 - t) + 6 * (1 - t) ** 2)
-        points = self.lines.at(s_0 + (s_1 - s_0) * np.r_[0.0, t, 1.0])
-        first, last = self.ends[:, 0] - points[:, 0], self.ends[:, 1] - points[:, -1]
-        return points[:, 1:-1] + fade[None, :, None] * first[:, None] + back[None, :, None] * last[:, None]
+        points = self._curves_at(t)
+        if self.free.any():
+            (a, b), (slope_a, slope_b) = (x[self.free].transpose(1, 0, 2)[:, :, None] for x in (self.ends, self.slopes))
+            u = t[:, None]
+            points[self.free] = (
+                (1 + 2 * u) * (1 - u) ** 2 * a
+                + u**2 * (3 - 2 * u) * b
+                + u * (1 - u) ** 2 * slope_a
+                - u**2 * (1 - u) * slope_b
+            )
+        return points
+
+    def _curves_at(self, t: np.ndarray) -> np.ndarray:
+        """Points of the design curves, led to the circles at both ends."""
+        s_0, s_1 = self._trims
+        points = self.lines.at(s_0 + (s_1 - s_0) * t)
+        for x, (gap, turn, over, turn_over) in zip((t, 1 - t), self._leads, strict=True):
+            u = np.minimum(x / over, 1)[..., None]
+            points += (1 - u) ** 3 * (1 + 3 * u + 6 * u**2) * gap[:, None]
+            u = np.minimum(x / turn_over, 1)
+            points += (turn_over * u * (1 + 3 * u) * (1 - u) ** 3)[..., None] * turn[:, None]
+        return points
 
 
 def _fit_spines(goal: _Goal, count: int) -> np.ndarray:
@@ -229,11 +294,11 @@ def _fit_spines(goal: _Goal, count: int) -> np.ndarray:
     return _bases(count).fit @ np.concatenate([sections, goal.slopes], axis=1)
 
 
-def _follows(goal: _Goal, spines: np.ndarray, count: int, r: np.ndarray) -> np.ndarray:
+def _follows(goal: _Goal, spines: np.ndarray, count: int) -> np.ndarray:
     """Whether the spines keep to their goal halfway between the circles, also between those of a finer tube."""
     t = np.linspace(0, 1, 4 * count - 3)[1:-1]
     found = BSpline.design_matrix(t, tube_knots(count), 3).toarray() @ spines
-    return np.linalg.norm(found - goal.at(t), axis=2).max(1) <= FOLLOWS * r
+    return np.linalg.norm(found - goal.at(t), axis=2).max(1) <= FOLLOWS * goal.radius
 
 
 def _fit_surfaces(goal: _Goal, spines: np.ndarray, radii: np.ndarray, phase: np.ndarray, count: int):

@@ -1,4 +1,4 @@
-"""From the traced network to a truss that can be built: short members collapsed, near-parallel members joined.
+"""From the traced network to a truss that can be built: short members collapsed, near-parallel ones joined, no scrap.
 
 Arora et al. 2019 (Section 4.4) merge the ends of short elements and lose the labels of the curves there. Here a curve
 is a sequence of nodes and keeps its label as long as two nodes are left of it. Two curves may end up on one member.
@@ -9,6 +9,7 @@ is a sequence of nodes and keeps its label as long as two nodes are left of it. 
    two of the same kind the one that stands for more nodes stays where it is.
 3. Two members that enclose less than `TrussOptions.smallest_angle` at a node are joined: the far ends are merged if
    they are close, else the longer member is led through the end of the shorter one.
+4. Pieces of a few members that nothing else touches are left out (`loose`).
 """
 
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from michell_cad.arrays import expand, require
 from michell_cad.curves import NodeKind
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.draft import Draft, draft_network, finish, split_lenses
+from michell_cad.truss.loose import drop_loose
 from michell_cad.truss.values import Truss
 from michell_cad.truss.waypoints import keep_to_surface
 
@@ -66,6 +68,7 @@ class CleaningReport:
     shared_members : members on more than one curve.
     acute_pairs : pairs of members at a node that still enclose less than the smallest angle.
     short_members : members still shorter than the shortest length.
+    loose_pieces, loose_members : pieces of a few members that were left out since nothing touches them; their members.
     """
 
     nodes: tuple[int, int]
@@ -79,6 +82,8 @@ class CleaningReport:
     shared_members: int
     acute_pairs: int
     short_members: int
+    loose_pieces: int = 0
+    loose_members: int = 0
 
 
 def build_truss(
@@ -94,6 +99,7 @@ def clean_network(
     network: CurveNetwork,
     spacing: float,
     options: TrussOptions = TrussOptions(),
+    anchors: Float[np.ndarray, "n 3"] | None = None,
 ) -> tuple[Truss, CleaningReport]:
     """Make a truss of a traced network: no repeated, no short and few near-parallel members.
 
@@ -102,6 +108,8 @@ def clean_network(
     network : CurveNetwork
     spacing : mm, edge of a typical truss cell.
     options : TrussOptions
+    anchors : points where the part is held or loaded, mm: no piece of the truss near one of them is left out. Default:
+        none.
 
     Returns
     -------
@@ -127,6 +135,7 @@ def clean_network(
         if not (e or r):
             break
     draft, still_more = split_lenses(draft)
+    draft, loose, dropped = drop_loose(draft, np.zeros((0, 3)) if anchors is None else anchors, spacing)
     require(
         len(draft.sequence),
         f"no member is left of {len(network.members)} at a spacing of {spacing:.4g} mm: the part is smaller than a "
@@ -146,6 +155,8 @@ def clean_network(
         shared_members=int((steps > 1).sum()),
         acute_pairs=len(acute_pairs(truss.nodes, truss.members, options.smallest_angle)[0]),
         short_members=int((truss.lengths < shortest).sum()),
+        loose_pieces=loose,
+        loose_members=dropped,
     )
     return truss, report
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
+from scipy.spatial.transform import Rotation
 
 from michell_cad.cad.fits import FINE_ENOUGH, FITS, fit_sines
 from michell_cad.cad.nodes import angles_between
@@ -48,6 +49,34 @@ def test_seam_meets_no_cap_but_those_of_its_poles(k, seed) -> None:
         else:
             point = np.cos(a) * d[e] + np.sin(a) * (np.cos(theta) * N[e] + np.sin(theta) * np.cross(d[e], N[e]))
             assert point == pytest.approx(np.cos(latitude) * zero + np.sin(latitude) * axis, abs=1e-12)
+
+
+CROWDED = [
+    [0.109, -0.994, -0.011],
+    [-0.900, -0.434, -0.045],
+    [0.967, -0.255, 0.012],
+    [0.014, -0.336, 0.942],
+    [-0.001, 0.159, -0.987],
+    [-0.965, 0.261, -0.031],
+    [0.897, 0.441, 0.011],
+    [-0.058, 0.347, 0.936],
+    [-0.109, 0.994, 0.011],
+]
+"""Nine members of a node, three pairs of which overlap: 1 and 5, 2 and 6, 3 and 7."""
+
+
+@pytest.mark.parametrize("turn", np.linspace(0, 2 * np.pi, 13)[:-1])
+def test_no_seam_of_overlapping_caps_meets_another_cap(turn) -> None:
+    """Free intervals of longitude end where any cap begins, also one that straddles the longitude pi."""
+    axis = unit(np.array([0.3, -0.5, 0.8]))
+    d = Rotation.from_rotvec(turn * axis).apply(unit(np.array(CROWDED)))
+    a, groups = np.radians(32.65), np.array([0, 1, 2, 3, 4, 1, 2, 3, 8])
+    N = unit(np.cross(d, [0.2, 0.5, -0.7]))
+    seams = place_seams(Caps(d[None], np.full((1, 9), a), groups[None], N[None], np.zeros((1, 9, 1))))
+    assert seams.found[0]
+    v = np.linspace(*seams.latitudes[0], 400)[1:-1, None]
+    meridian = np.cos(v) * seams.zero[0] + np.sin(v) * seams.axis[0]
+    assert (np.arccos(np.clip(meridian @ d.T, -1, 1)) > a - 1e-9).all()
 
 
 def fence() -> np.ndarray:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from michell_cad.cad.centerlines import SAMPLES, Centerlines, sample_splines, straight_centerlines
-from michell_cad.cad.tubes import FOLLOWS, SECTION_COUNTS, Tubes, circle_parameter, fit_tubes, pinched_tubes
+from michell_cad.cad.centerlines import SAMPLES, SMOOTHINGS, Centerlines, points_at, sample_splines, smooth_curves
+from michell_cad.cad.tubes import BEND, FOLLOWS, SECTION_COUNTS, Tubes, circle_parameter, fit_tubes, pinched_tubes
 from michell_cad.splines import fit_splines
 from tests.cad.layouts import grid_truss
 
@@ -17,10 +17,18 @@ def arc(radius: float, turn: float) -> Centerlines:
     return Centerlines(points[None], np.stack([[1.0, 0, 0], back])[None])
 
 
-def tubes_along(lines: Centerlines, reach: float, radii) -> Tubes:
+def chord(a, b) -> Centerlines:
+    """The straight line from a to b."""
+    a, b = np.array(a, float), np.array(b, float)
+    d = (b - a) / np.linalg.norm(b - a)
+    return Centerlines((a + np.linspace(0, 1, SAMPLES)[:, None] * (b - a))[None], np.stack([d, -d])[None])
+
+
+def tubes_along(lines: Centerlines, reach: float, radii, tight: bool = False) -> Tubes:
     n = len(lines.points)
     radii = np.broadcast_to(np.asarray(radii, float), (n, 3)).copy()
-    return fit_tubes(lines, lines.points[:, [0, -1]], np.full((n, 2), reach), radii, np.zeros(n))
+    ends = lines.points[:, [0, -1]]
+    return fit_tubes(lines, ends, np.full((n, 2), reach), radii, np.zeros(n), np.full(n, tight))
 
 
 def enclosed(tubes: Tubes) -> np.ndarray:
@@ -36,7 +44,7 @@ def enclosed(tubes: Tubes) -> np.ndarray:
 
 def test_circle_parameter_gives_the_angle_back() -> None:
     angles = np.linspace(0, 2 * np.pi, 101)
-    tube = tubes_along(straight_centerlines(np.eye(3)[:2] * 10, np.array([[0, 1]])), 1.0, 1.0)
+    tube = tubes_along(chord([10, 0, 0], [0, 10, 0]), 1.0, 1.0)
     ring = tube.surface_points(angles, np.array([0.0]))[0, 0] - tube.spine_points(np.array([0.0]))[0, 0]
     N = tube.end_normals[0, 0]
     B = np.cross([1.0, -1.0, 0.0] / -np.sqrt(2), N)
@@ -46,8 +54,7 @@ def test_circle_parameter_gives_the_angle_back() -> None:
 
 
 def test_straight_tube_is_a_cylinder() -> None:
-    nodes = np.array([[0, 0, 0], [3, 4, 12.0]])
-    line = straight_centerlines(nodes, np.array([[0, 1]]))
+    line = chord([0, 0, 0], [3, 4, 12])
     assert tubes_along(line, 2.0, 1.0).straight.all()
     assert not tubes_along(line, 2.0, [1, 1.3, 1]).straight.any()
     assert not tubes_along(arc(20, 0.5), 1.0, 1.0).straight.any()
@@ -115,6 +122,59 @@ def test_long_tubes_take_more_circles() -> None:
 def test_pinched_tube_is_found() -> None:
     assert pinched_tubes(tubes_along(arc(3.0, 1.5), 0.1, 3.5)).all()
     assert not pinched_tubes(tubes_along(arc(3.0, 1.5), 0.1, 1.0)).any()
+
+
+def turned(lines: Centerlines, angle: float) -> Centerlines:
+    """The same curve, left at its first node along a direction that is turned towards y."""
+    d = lines.directions.copy()
+    d[0, 0] = [np.cos(angle), np.sin(angle), 0]
+    return Centerlines(lines.points, d)
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.3, 0.6])
+def test_spine_comes_back_to_its_curve(angle) -> None:
+    """It starts reach * angle off the curve; a radius of curvature of BEND r lets it be back half way."""
+    line = turned(chord([0, 0, 0], [40, 0, 0]), angle)
+    tubes = tubes_along(line, 2.0, 1.0)
+    x, y = tubes.spine_points(np.linspace(0, 1, 801))[0, :, :2].T
+    assert y[0] == pytest.approx(2 * np.sin(angle))
+    assert y.max() < 2 * np.sin(angle) + 3.9 * BEND * 0.2 * angle**2 + 2 * FOLLOWS
+    assert np.abs(y[(x > 25) & (x < 38)]).max() < 0.02
+    slope = np.gradient(y, x)
+    bend = np.gradient(slope, x) / (1 + slope**2) ** 1.5
+    assert np.abs(bend[5:-5]).max() < 1.0
+    assert not pinched_tubes(tubes).any()
+
+
+def test_short_tube_between_slanted_ends_is_not_pinched_once_it_is_free() -> None:
+    """The curve's own bend in the rest between two nodes does not matter, only the directions of both ends do."""
+    x = np.linspace(0, 3, SAMPLES)
+    kinked = np.stack([x, 0.4 * np.exp(-(((x - 1.5) / 0.15) ** 2)), 0 * x], axis=1)
+    lines = Centerlines(kinked[None], np.array([[[1.0, 0, 0], [-1, 0, 0]]]))
+    bound, free = (tubes_along(lines, 1.1, 1.0, tight) for tight in (False, True))
+    assert pinched_tubes(bound).all()
+    assert not pinched_tubes(free).any()
+    assert free.spine_points(np.linspace(0, 1, 9))[0, :, 1] == pytest.approx(0, abs=1e-12)
+    # A long tube follows its curve all the same.
+    long = Centerlines(4 * kinked[None], lines.directions)
+    assert tubes_along(long, 1.1, 0.1, True).spine_points(np.array([0.5]))[0, 0, 1] > 1.4
+
+
+def test_smoothing_takes_of_a_half_wave_what_the_eigenvalue_says() -> None:
+    """sin(pi k / 16) is an eigenvector of (1/4, 1/2, 1/4) with the eigenvalue cos(pi / 32)^2."""
+    x = np.linspace(0, 1, SAMPLES)
+    wave = np.stack([x, np.sin(np.pi * x), 0 * x], axis=1)
+    for number, passes in enumerate(SMOOTHINGS, 1):
+        smooth = smooth_curves(wave[None], np.array([number]))[0]
+        kept = np.cos(np.pi / 32) ** (2 * passes) if passes else 0.0
+        assert smooth == pytest.approx(wave * [1, kept, 1], abs=1e-12)
+
+
+def test_slopes_of_a_circle() -> None:
+    s = np.linspace(0, 1, 33)
+    slopes = arc(10, 1.5).slopes_at(s[None])[0]
+    assert slopes == pytest.approx(np.stack([np.cos(1.5 * s), np.sin(1.5 * s), 0 * s], axis=1), abs=3e-4)
+    assert points_at(arc(10, 1.5).points, np.array([[0.0, 1.0]]))[0] == pytest.approx(arc(10, 1.5).points[0, [0, -1]])
 
 
 def test_centerlines_interpolate_between_samples() -> None:
