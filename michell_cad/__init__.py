@@ -8,10 +8,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
+    from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl, resolve_radius
     from michell_cad.delivery import deliver_job, design_options
-    from michell_cad.design_file import load_design, save_design
+    from michell_cad.design_file import load_design, load_edits, open_structure, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
+    from michell_cad.edits import EditList, Structure, read_script, size_structure, write_script
     from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
     from michell_cad.job import Job, build_problem, read_job
     from michell_cad.knobs import Knobs, apply_knobs
@@ -26,6 +27,7 @@ _HOME = {
     "Design": "pipeline",
     "DesignOptions": "pipeline",
     "DesignProblem": "problem",
+    "EditList": "edits",
     "GeometryKernelError": "errors",
     "InvalidInputError": "errors",
     "Job": "job",
@@ -35,6 +37,7 @@ _HOME = {
     "MichellError": "errors",
     "Part": "domain",
     "SizedTruss": "truss",
+    "Structure": "edits",
     "TetMesh": "tet_mesh",
     "Truss": "truss",
     "TrussSolid": "cad",
@@ -47,11 +50,17 @@ _HOME = {
     "export_step": "cad",
     "export_stl": "cad",
     "load_design": "design_file",
+    "load_edits": "design_file",
+    "open_structure": "design_file",
     "part_from_cad": "domain",
     "read_job": "job",
     "read_part": "domain",
+    "read_script": "edits",
     "render_truss": "picture",
+    "resolve_radius": "cad",
     "save_design": "design_file",
+    "size_structure": "edits",
+    "write_script": "edits",
 }
 
 __all__ = [
@@ -59,6 +68,7 @@ __all__ = [
     "Design",
     "DesignOptions",
     "DesignProblem",
+    "EditList",
     "GeometryKernelError",
     "InvalidInputError",
     "Job",
@@ -68,6 +78,7 @@ __all__ = [
     "MichellError",
     "Part",
     "SizedTruss",
+    "Structure",
     "TetMesh",
     "Truss",
     "TrussSolid",
@@ -80,11 +91,17 @@ __all__ = [
     "export_step",
     "export_stl",
     "load_design",
+    "load_edits",
+    "open_structure",
     "part_from_cad",
     "read_job",
     "read_part",
+    "read_script",
     "render_truss",
+    "resolve_radius",
     "save_design",
+    "size_structure",
+    "write_script",
 ]
 
 

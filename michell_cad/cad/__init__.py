@@ -11,6 +11,7 @@ from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
 from michell_cad.cad.step import COLOURS, export_step, read_step_summary
 from michell_cad.cad.stl import export_stl
+from michell_cad.cad.target_volume import resolve_radius
 
 __all__ = [
     "COLOURS",
@@ -28,4 +29,5 @@ __all__ = [
     "mesh_truss",
     "prepare_truss",
     "read_step_summary",
+    "resolve_radius",
 ]

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import require
-from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, CurveKind, Curves, NodeKind
+from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, TRACED_FAMILIES, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
 from michell_cad.isocurves.features import FeatureSegments, trace_features
 from michell_cad.isocurves.interior import Segments, trace_interior
@@ -132,7 +132,7 @@ def trace_isocurves(
         f"levels must have shape {mesh.vertices.shape}, one row for each vertex of the mesh, found {levels.shape}",
     )
     require(
-        set(families) == set(FAMILIES) - {"feature"},
+        set(families) == set(TRACED_FAMILIES),
         f"families must name tension, compression and third once each, found {families}",
     )
     grid = round_levels(levels, mesh.tets)

@@ -31,6 +31,7 @@ FAMILY_COLOURS: dict[str, Colour] = {
     "compression": (0.08, 0.36, 0.66),
     "third": (0.90, 0.70, 0.22),
     "feature": (0.55, 0.57, 0.60),
+    "added": (0.80, 0.47, 0.65),
 }
 """Red, blue and yellow stay apart for all common kinds of colour blindness and in grey, as P. Tol's high-contrast
 scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
