@@ -10,33 +10,54 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
+import numpy as np
+
+from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl, resolve_radius
 from michell_cad.design_file import save_design
-from michell_cad.domain import read_part
+from michell_cad.domain import Part, mesh_outline, read_outline
+from michell_cad.edits import (
+    NO_EDITS,
+    Attach,
+    EditList,
+    Structure,
+    attachment_frames,
+    build_sheets,
+    size_structure,
+    tagged_members,
+    write_script,
+)
 from michell_cad.errors import InvalidInputError
-from michell_cad.job import Job, build_problem, read_job
-from michell_cad.knobs import Knobs, apply_knobs
+from michell_cad.job import Job, OutputSection, build_problem, read_job
+from michell_cad.knobs import Knobs
 from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.picture import render_truss
-from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
-from michell_cad.problem import DesignProblem
+from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, DesignOptions, StageTime, design
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
+from michell_cad.stage_cache import StageCache
+from michell_cad.tet_mesh import TetMesh
+from michell_cad.truss import SizedTruss
 from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
 
 STEP_FILE, STL_FILE, LAYOUT_FILE = "truss.step", "truss.stl", "truss.json"
 DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "design.npz", "preview.png", "report.json"
+EDITS_FILE, SHEETS_FILE, ATTACHMENTS_FILE = "edits.toml", "sheets.step", "attachments.step"
 
 
 def deliver_job(
-    job_file: str | Path, folder: str | Path, force: bool = False, progress: Progress = lambda stage, fraction: None
+    job_file: str | Path,
+    folder: str | Path,
+    force: bool = False,
+    progress: Progress = lambda stage, fraction: None,
+    cache: StageCache | None = None,
 ) -> dict[str, Any]:
     """Run a job and write its results to `folder`; returns the report.
 
     Nothing appears in `folder` before everything is done. An existing folder is refused unless `force`; then the new
-    files replace those of the same name, and others stay.
+    files replace those of the same name, and others stay. Stages whose result is in `cache` (default: that of the user)
+    are not run again.
 
     Raises
     ------
@@ -46,17 +67,25 @@ def deliver_job(
         If a stage fails.
     """
     folder = Path(folder)
-    job = read_job(job_file)
-    _require_place(folder, force)
+    job, cache = read_job(job_file), cache or StageCache.usual()
+    require_place(folder, force)
     times: list[StageTime] = []
     with _timed("mesh", times, progress):
-        part = read_part(job.part.file, job.part.units, job.mesh.size)
+        part = _read_part(job, cache)
         problem = build_problem(job, part)
-    result = design(problem, design_options(job), progress)
+    result = design(problem, design_options(job), progress, cache)
     times.extend(result.times)
-    with _whole_folder(folder) as partial:
-        report = _write_results(partial, result, job, part.outline.up, times, progress)
+    with whole_folder(folder) as partial:
+        structure = NO_EDITS.replay(result, job.knobs)
+        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
     return report
+
+
+def _read_part(job: Job, cache: StageCache) -> Part:
+    """The part of a job; meshing it is a stage like others."""
+    outline = read_outline(job.part.file, job.part.units)
+    inputs = (outline.surface, outline.mesh, job.mesh.size)
+    return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
 
 
 def design_options(job: Job) -> DesignOptions:
@@ -73,31 +102,84 @@ def design_options(job: Job) -> DesignOptions:
     )
 
 
-def _write_results(
-    folder: Path, result: Design, job: Job, up: int, times: list[StageTime], progress: Progress
+def write_results(
+    folder: Path,
+    structure: Structure,
+    edits: EditList,
+    output: OutputSection,
+    up: int,
+    times: list[StageTime],
+    progress: Progress,
 ) -> dict[str, Any]:
+    """Build a structure and write all files; returns the report.
+
+    Parameters
+    ----------
+    folder : where to write.
+    structure : what to build.
+    edits : what made it of its design, to be saved with it.
+    output : which of the larger files are wanted.
+    up : axis that points up in pictures.
+    times : of the stages that were run so far.
+    progress : called with the name of a stage and the finished fraction of it.
+    """
+    result, mesh = structure.design, structure.whole_mesh
     with _timed("solid", times, progress):
-        sized = apply_knobs(result.truss, job.knobs)
-        solid = build_solid(sized, job.knobs, progress=lambda fraction: progress("solid", fraction))
+        knobs = resolve_radius(
+            structure.knobs,
+            lambda knobs: size_structure(structure, knobs),
+            structure.truss.spacing,
+            float(mesh.volumes.sum()),
+            result.problem.material.density,
+        )
+        sized = size_structure(structure, knobs)
+        solid = build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
-        if job.output.step:
+        if output.step:
             export_step(solid, folder / STEP_FILE)
             progress("export", 0.6)
-        if job.output.stl:
+        if output.stl:
             export_stl(solid.mesh, folder / STL_FILE)
-        write_truss_json(folder / LAYOUT_FILE, built, splines, job.knobs)
-        save_design(folder / DESIGN_FILE, result, job.knobs)
-        if job.output.preview:
-            render_truss(folder / PICTURE_FILE, result.problem.mesh, built, splines, up=up)
+        write_truss_json(folder / LAYOUT_FILE, built, splines, knobs)
+        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up)
+        if len(edits):
+            write_script(folder / EDITS_FILE, edits)
+        extras = _write_extras(folder, structure, built)
+        if output.preview:
+            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up)
     report = report_design(result, built.truss, times)
-    step_bytes = (folder / STEP_FILE).stat().st_size if job.output.step else None
+    step_bytes = (folder / STEP_FILE).stat().st_size if output.step else None
     report["solid"] = report_solid(solid) | {"step_bytes": step_bytes}
-    report["summary"] |= _material_summary(result.problem, solid)
-    report["knobs"] = job.knobs.model_dump(mode="json")
-    report["notes"] = _notes(report, job.knobs) + list(solid.report.messages)
+    report["summary"] |= _material_summary(structure, solid)
+    report["knobs"] = knobs.model_dump(mode="json")
+    report["edits"] = edits.plain()
+    report |= extras
+    report["notes"] = _notes(report, knobs) + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    return report
+
+
+def _write_extras(folder: Path, structure: Structure, built: SizedTruss) -> dict[str, Any]:
+    """Write what edits add to the truss (sheets, attachments); returns the report's blocks about it, and about tags."""
+    report: dict[str, Any] = {}
+    tags = tagged_members(structure, built.truss)
+    if tags:
+        report["tags"] = {name: np.flatnonzero(mine).tolist() for name, mine in tags.items()}
+    plates, attachments = build_sheets(structure), structure.of_kind(Attach)
+    if plates or attachments:
+        from michell_cad.cad.plates import export_shapes, place_copies, solid_of_plate
+    if plates:
+        export_shapes([solid_of_plate(plate) for plate in plates], folder / SHEETS_FILE)
+        report["sheets"] = [{"volume_mm3": plate.volume, "triangles": len(plate.triangles)} for plate in plates]
+    if attachments:
+        frames = [attachment_frames(structure, edit, built.truss) for edit in attachments]
+        copies = [place_copies(edit.part, f) for edit, f in zip(attachments, frames, strict=True)]
+        export_shapes(copies, folder / ATTACHMENTS_FILE)
+        report["attachments"] = [
+            {"part": edit.part, "copies": len(f.origins)} for edit, f in zip(attachments, frames, strict=True)
+        ]
     return report
 
 
@@ -122,11 +204,11 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
     }
 
 
-def _material_summary(problem: DesignProblem, solid: TrussSolid) -> dict[str, float]:
+def _material_summary(structure: Structure, solid: TrussSolid) -> dict[str, float]:
     volume = solid.report.volume_mm3
     return {
-        "volume_fraction": volume / float(problem.mesh.volumes.sum()),
-        "mass_g": volume * problem.material.density,
+        "volume_fraction": volume / float(structure.whole_mesh.volumes.sum()),
+        "mass_g": volume * structure.design.problem.material.density,
     }
 
 
@@ -144,7 +226,7 @@ def _notes(report: dict[str, Any], knobs: Knobs) -> list[str]:
     return notes
 
 
-def _require_place(folder: Path, force: bool) -> None:
+def require_place(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"--out {folder} is a file; name a folder")
     if folder.exists() and not force:
@@ -157,7 +239,7 @@ def _require_place(folder: Path, force: bool) -> None:
 
 
 @contextmanager
-def _whole_folder(folder: Path) -> Iterator[Path]:
+def whole_folder(folder: Path) -> Iterator[Path]:
     """Yield an empty folder beside `folder`; move its files there when the block ends without an exception."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

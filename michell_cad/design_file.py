@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from michell_cad.curves import Curve, CurveKind, Curves
-from michell_cad.edits import EditList, Structure
+from michell_cad.edits import NO_EDITS, EditList, Structure
 from michell_cad.elasticity import ElasticityOptions, StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing
@@ -31,11 +31,17 @@ FORMAT = "michell_cad.design"
 VERSION = 2
 """Version 2 has edits; a program that does not know them must not build the unedited truss instead."""
 
+DEFAULT_UP = 2
+"""The axis that points up in pictures of a design that does not say so: z."""
 
-def save_design(path: str | Path, design: Design, knobs: Knobs, edits: EditList = EditList()) -> None:
+
+def save_design(
+    path: str | Path, design: Design, knobs: Knobs, edits: EditList = NO_EDITS, up: int = DEFAULT_UP
+) -> None:
     """Write a design, and the knobs and edits it was built with.
 
     The file appears under its name only when it is complete. It holds the whole truss: knobs and edits are replayed.
+    `up` is the axis (0, 1, 2) that points up in pictures.
     """
     problem, mesh, truss, network = design.problem, design.problem.mesh, design.truss, design.network
     arrays = {
@@ -83,6 +89,7 @@ def save_design(path: str | Path, design: Design, knobs: Knobs, edits: EditList 
         "times": [asdict(time) for time in design.times],
         "knobs": knobs.model_dump(mode="json"),
         "edits": edits.plain(),
+        "up": up,
     }
     with writing(Path(path)) as partial, partial.open("wb") as file:
         np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
@@ -102,6 +109,11 @@ def load_design(path: str | Path) -> tuple[Design, Knobs]:
 def load_edits(path: str | Path) -> EditList:
     """Read the edits of a design file; errors as for `load_design`."""
     return EditList.of(_read(Path(path), only_meta=True)[1].get("edits", []), str(path))
+
+
+def load_up(path: str | Path) -> int:
+    """Read which axis points up in pictures of a design; errors as for `load_design`."""
+    return int(_read(Path(path), only_meta=True)[1].get("up", DEFAULT_UP))
 
 
 def open_structure(path: str | Path) -> Structure:

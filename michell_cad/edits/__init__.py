@@ -2,7 +2,7 @@
 
 from michell_cad.edits.adding import AddCurve, AddStrut
 from michell_cad.edits.attachments import Attach, Frames, attachment_frames
-from michell_cad.edits.edit_list import EditList, EditScript, change_knobs, read_script, write_script
+from michell_cad.edits.edit_list import NO_EDITS, EditList, EditScript, change_knobs, read_script, write_script
 from michell_cad.edits.joining import Join
 from michell_cad.edits.removing import Remove, RemoveOpenEnds, Thin
 from michell_cad.edits.selections import (
@@ -25,6 +25,7 @@ from michell_cad.edits.structure import DesignFields, Edit, Structure
 from michell_cad.edits.tagging import Tag, tagged_members
 
 __all__ = [
+    "NO_EDITS",
     "AddCurve",
     "AddSheet",
     "AddStrut",

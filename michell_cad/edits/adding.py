@@ -6,6 +6,7 @@ one, see `cad.prepare`.
 """
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -78,7 +79,7 @@ def _add(truss: Truss, points: np.ndarray, node: np.ndarray, stops: list[int], d
     """The truss with a curve through the nodes of some points, and the others as waypoints between them."""
     known = {(int(a), int(b)): m for m, (a, b) in enumerate(truss.members)}
     new, waypoints, members = [], [], []
-    for first, last in zip(stops[:-1], stops[1:], strict=True):
+    for first, last in pairwise(stops):
         between = points[first + 1 : last][node[first + 1 : last] < 0]
         a, b = int(node[first]), int(node[last])
         pair = (min(a, b), max(a, b))

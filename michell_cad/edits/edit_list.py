@@ -97,12 +97,15 @@ class EditList:
         return EditList(tuple(_edit(table, f"{name}: [[edit]] {k}") for k, table in enumerate(tables, 1)))
 
 
+NO_EDITS = EditList()
+
+
 @dataclass(frozen=True)
 class EditScript:
     """Changed knobs, and edits."""
 
     knobs: dict[str, Any] = field(default_factory=dict)
-    edits: EditList = EditList()
+    edits: EditList = NO_EDITS
 
 
 def read_script(path: str | Path) -> EditScript:

@@ -16,7 +16,7 @@ from manifold3d import Error, Manifold, Mesh64
 from pydantic import Field, model_validator
 
 from michell_cad.arrays import freeze, require
-from michell_cad.edits.structure import DesignFields, Edit, Structure
+from michell_cad.edits.structure import Edit, Structure
 from michell_cad.errors import GeometryKernelError
 from michell_cad.tet_mesh import TetMesh
 

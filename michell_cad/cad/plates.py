@@ -45,7 +45,7 @@ def solid_of_plate(plate: PlateMesh) -> bd.Solid:
 
 
 def place_copies(shape: Any, frames: Frames) -> bd.Compound:
-    """Copies of a build123d or CadQuery object, or of the CAD part in a file, in all frames: its z axis along theirs."""
+    """Copies of a build123d or CadQuery object, or of the part in a CAD file: its axes along those of each frame."""
     if isinstance(shape, str | Path):
         path = Path(shape)
         if not path.is_file():
