@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl, resolve_radius
-    from michell_cad.delivery import deliver_job, design_options
+    from michell_cad.delivery import deliver_job, design_job, design_options
+    from michell_cad.delivery_edit import deliver_edit
     from michell_cad.design_file import load_design, load_edits, open_structure, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
-    from michell_cad.edits import EditList, Structure, read_script, size_structure, write_script
+    from michell_cad.edits import EditList, Structure, change_knobs, read_script, size_structure, write_script
     from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
     from michell_cad.job import Job, build_problem, read_job
     from michell_cad.knobs import Knobs, apply_knobs
@@ -44,8 +45,11 @@ _HOME = {
     "apply_knobs": "knobs",
     "build_problem": "job",
     "build_solid": "cad",
+    "change_knobs": "edits",
+    "deliver_edit": "delivery_edit",
     "deliver_job": "delivery",
     "design": "pipeline",
+    "design_job": "delivery",
     "design_options": "delivery",
     "export_step": "cad",
     "export_stl": "cad",
@@ -85,8 +89,11 @@ __all__ = [
     "apply_knobs",
     "build_problem",
     "build_solid",
+    "change_knobs",
+    "deliver_edit",
     "deliver_job",
     "design",
+    "design_job",
     "design_options",
     "export_step",
     "export_stl",

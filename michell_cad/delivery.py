@@ -31,7 +31,7 @@ from michell_cad.job import Job, OutputSection, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.picture import render_truss
-from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, DesignOptions, StageTime, design
+from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
 from michell_cad.stage_cache import StageCache
@@ -86,6 +86,19 @@ def _read_part(job: Job, cache: StageCache) -> Part:
     outline = read_outline(job.part.file, job.part.units)
     inputs = (outline.surface, outline.mesh, job.mesh.size)
     return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
+
+
+def design_job(job_file: str | Path, options: DesignOptions | None = None, cache: StageCache | None = None) -> Design:
+    """Design the truss of a job without building it; for scripts.
+
+    Parameters
+    ----------
+    job_file : the job; its knobs and outputs play no part.
+    options : instead of those of the job.
+    cache : see `deliver_job`.
+    """
+    job, cache = read_job(job_file), cache or StageCache.usual()
+    return design(build_problem(job, _read_part(job, cache)), options or design_options(job), cache=cache)
 
 
 def design_options(job: Job) -> DesignOptions:

@@ -7,6 +7,7 @@ from michell_cad.cad.clearance import Crossings, crossing_members
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.preview import PreviewMesh, preview_truss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
 from michell_cad.cad.step import COLOURS, export_step, read_step_summary
@@ -18,6 +19,7 @@ __all__ = [
     "Crossings",
     "FaceRole",
     "PreparedTruss",
+    "PreviewMesh",
     "SolidReport",
     "TrussMesh",
     "TrussSolid",
@@ -28,6 +30,7 @@ __all__ = [
     "export_stl",
     "mesh_truss",
     "prepare_truss",
+    "preview_truss",
     "read_step_summary",
     "resolve_radius",
 ]

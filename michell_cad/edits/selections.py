@@ -30,7 +30,8 @@ from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import on_stride
 from michell_cad.truss import Truss
 
-Point = tuple[float, float, float]
+Number = float | int
+Point = tuple[Number, Number, Number]
 
 
 class Selection(ABC):
@@ -105,11 +106,11 @@ class Family(_OfCurves):
     surface : whether the boundary curves go with their family.
     """
 
-    names: tuple[str, ...]
+    names: str | tuple[str, ...]
     surface: bool = True
 
     def __post_init__(self) -> None:
-        names = (self.names,) if isinstance(self.names, str) else tuple(self.names)
+        names = (self.names,) if isinstance(self.names, str) else self.names
         object.__setattr__(self, "names", names)
         for name in names:
             near = difflib.get_close_matches(str(name), FAMILIES, n=1)
@@ -123,8 +124,9 @@ class Family(_OfCurves):
         )
 
     def plain(self) -> dict[str, Any]:
-        names = self.names[0] if len(self.names) == 1 else list(self.names)
-        return {"family": names} | ({} if self.surface else {"surface": False})
+        return {"family": self.names[0] if len(self.names) == 1 else list(self.names)} | (
+            {} if self.surface else {"surface": False}
+        )
 
 
 @dataclass(frozen=True)
@@ -186,8 +188,8 @@ class Every(_OfCurves):
 class Length(_OfCurves):
     """Curves whose length lies in a range, mm, both ends included."""
 
-    low: float = 0.0
-    high: float = np.inf
+    low: Number = 0.0
+    high: Number = np.inf
 
     def __post_init__(self) -> None:
         require(0 <= self.low <= self.high, f"length range must ascend from 0, found {self.low} to {self.high} mm")
@@ -244,7 +246,7 @@ class Near(_OfPlaces):
     """Within a distance of a point, mm."""
 
     point: Point
-    within: float
+    within: Number
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", as_point(self.point, "near"))
@@ -345,13 +347,13 @@ def as_point(value: Any, name: str) -> Point:
 # --- the plain form --------------------------------------------------------------------------------------------------
 
 _SENTENCES: dict[str, Callable[[Any, dict[str, Any]], Selection]] = {
-    "family": lambda value, more: Family(value, more.pop("surface", True)),
+    "family": lambda value, more: Family(tuple(value) if isinstance(value, list) else value, more.pop("surface", True)),
     "label": lambda value, more: Label(_given(more, "coordinate", "label"), *_pair(value, "label")),
     "every": lambda value, more: Every(int(value), int(more.pop("offset", 0))),
     "length": lambda value, more: Length(*value),
     "where": lambda value, more: Where(value),
-    "box": lambda value, more: Box(*_pair(value, "box")),
-    "near": lambda value, more: Near(value, float(_given(more, "within", "near"))),
+    "box": lambda value, more: Box(*(as_point(corner, "a corner of the box") for corner in _pair(value, "box"))),
+    "near": lambda value, more: Near(as_point(value, "near"), float(_given(more, "within", "near"))),
     "solid": lambda value, more: InSolid(str(value)),
     "any": lambda value, more: AnyOf(tuple(selection_from(part) for part in value)),
     "all": lambda value, more: AllOf(tuple(selection_from(part) for part in value)),

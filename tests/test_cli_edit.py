@@ -1,0 +1,110 @@
+"""`michell-cad edit`: from a design file to new results, the old file untouched."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from designs import small_bar
+
+from michell_cad.cli_edit import read_knob_options
+from michell_cad.design_file import load_edits, save_design
+from michell_cad.errors import InvalidInputError
+from michell_cad.knobs import Knobs
+
+SCRIPT = """
+version = 1
+[knobs]
+entasis = 0.2
+[[edit]]
+do = "remove"
+where = { family = "third", where = "inside" }
+[[edit]]
+do = "sheet"
+coordinate = "compression"
+low = 3
+high = 3
+thickness = 0.6
+[[edit]]
+do = "tag"
+name = "oak"
+where = { family = "compression" }
+"""
+
+
+def run(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "michell_cad.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("edit")
+    save_design(folder / "design.npz", small_bar(), Knobs(radius=0.9))
+    (folder / "edits.toml").write_text(SCRIPT)
+    return folder
+
+
+def test_knobs_and_a_script_make_new_results(folder):
+    old = (folder / "design.npz").read_bytes()
+    options = ("--set", "radius=0.7", "--family=tension,compression", "--every", "2", "--script", "edits.toml")
+    done = run("edit", "design.npz", *options, "--out", "new", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "design.npz").read_bytes() == old
+    report = json.loads((folder / "new/report.json").read_text())
+    knobs = report["knobs"]
+    assert (knobs["radius"], knobs["family"], knobs["every"], knobs["entasis"]) == (
+        0.7,
+        ["tension", "compression"],
+        2,
+        0.2,
+    )
+    assert set(report["cpu_s"]) == {"solid", "export"}
+    assert len(report["edits"]) == 3
+    assert report["sheets"][0]["volume_mm3"] > 0
+    assert report["tags"]["oak"]
+    names = {file.name for file in (folder / "new").iterdir()}
+    assert {"truss.step", "design.npz", "edits.toml", "sheets.step"} <= names
+    undone = run("edit", "new", "--undo", "3", "--entasis", "0.3", "--out", "back", cwd=folder)
+    assert undone.returncode == 0, undone.stderr
+    assert len(load_edits(folder / "back/design.npz")) == 0
+    assert json.loads((folder / "back/report.json").read_text())["knobs"]["radius"] == 0.7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("none.npz",), "no design file"),
+        (("design.npz", "--radiu", "1"), "did you mean radius"),
+        (("design.npz", "--set", "radius"), "name=value"),
+        (("design.npz", "--radius"), "--radius needs a value"),
+        (("design.npz", "--radius", "thick"), "radius: Input should be a valid number"),
+        (("design.npz", "--every", "400", "--offset", "100"), "no curve is left"),
+        (("design.npz", "--undo", "2"), "cannot undo 2 edits: there are 0"),
+        (("design.npz", "--script", "none.toml"), "cannot be read"),
+    ],
+)
+def test_mistakes_are_one_message_and_leave_nothing(folder, arguments, message):
+    done = run("edit", *arguments, "--out", "failed", cwd=folder)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (folder / "failed").exists()
+
+
+def test_the_folder_of_the_design_itself_is_refused(folder):
+    done = run("edit", "design.npz", "--out", ".", "--force", cwd=folder)
+    assert done.returncode == 2
+    assert "stays as it is" in done.stderr
+
+
+def test_options_are_the_knobs_of_the_schema(folder):
+    arguments = [text for name in Knobs.model_fields for text in (f"--{name.replace('_', '-')}", "1")]
+    assert set(read_knob_options(arguments, [])) == set(Knobs.model_fields)
+    assert read_knob_options(["--every", "2,1,1"], ["family=third"]) == {"family": "third", "every": (2, 1, 1)}
+    with pytest.raises(InvalidInputError, match="unexpected 'x'"):
+        read_knob_options(["x"], [])
+    shown = run("knobs", cwd=folder).stdout
+    for name in Knobs.model_fields:
+        assert name in shown
