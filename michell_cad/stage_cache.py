@@ -65,7 +65,7 @@ class StageCache:
             return compute()
         path = self.folder / f"{stage}-{content_hash((stage, inputs))}.npz"
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 value = _unpack(kind, file, json.loads(str(file["plain"])), "")
             path.touch()
             return value

@@ -18,8 +18,9 @@ version = 1
 [knobs]
 entasis = 0.2
 [[edit]]
-do = "remove"
-where = { family = "third", where = "inside" }
+do = "radius"
+where = { family = "compression", not = { where = "boundary" } }
+times = 1.2
 [[edit]]
 do = "sheet"
 coordinate = "compression"

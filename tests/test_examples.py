@@ -1,4 +1,4 @@
-"""The examples run through the engine of the CadQuery editor, from the project's root, and give what the mesh predicts."""
+"""The examples run through the engine of the CadQuery editor and give what the direct mesh predicts."""
 
 from pathlib import Path
 

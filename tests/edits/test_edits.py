@@ -1,5 +1,7 @@
 """Edits of the truss: what each does, and what holds after any of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from designs import small_bar, turned_design
@@ -28,6 +30,7 @@ from michell_cad.edits import (
     size_structure,
     tagged_members,
 )
+from michell_cad.edits.sizing import interpolate_stress
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.truss import CurveKind, open_ends
@@ -252,3 +255,15 @@ def test_an_edited_truss_is_still_one_valid_solid():
     report = build_solid(sized, structure.knobs).report
     assert report.valid
     assert report.genus == report.expected_genus
+
+
+def test_the_stress_between_centroids_is_continuous_and_exact_where_it_is_constant():
+    fields = Structure.of(BAR, Knobs()).fields
+    centroids = fields.mesh.centroids
+    np.testing.assert_allclose(interpolate_stress(fields, centroids[:50]), fields.stress[:50], rtol=1e-6, atol=1e-6)
+    same = replace(fields, stress=np.broadcast_to(np.diag([3.0, 2.0, 1.0]), fields.stress.shape))
+    points = np.random.default_rng(0).uniform((0, 0, 0), (80, 40, 40), (40, 3))
+    np.testing.assert_allclose(interpolate_stress(same, points), np.tile(np.diag([3.0, 2.0, 1.0]), (40, 1, 1)))
+    line = np.linspace((10, 13, 17), (12, 13, 17), 4000)
+    steps = np.abs(np.diff(interpolate_stress(fields, line), axis=0)).max()
+    assert steps < 0.01 * np.ptp(interpolate_stress(fields, line), axis=0).max()

@@ -56,7 +56,9 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
         a, b, c = points[triangles].transpose(1, 0, 2)
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
         inner = ~np.isclose(np.abs(plate.vertices - [40, 20, 20]), [40, 20, 20], atol=1e-3).any(1)
-        np.testing.assert_allclose(away[inner], 0.4, atol=0.05)
+        off = np.abs(away[inner] - 0.4)
+        assert np.quantile(off, 0.9) < 0.02
+        assert off.max() < 0.1  # at corners of the rim, where the surface is carried on along one tangent plane only
         assert plate.volume == pytest.approx(0.8 * area, rel=0.02)
         low, high = plate.vertices.min(0), plate.vertices.max(0)
         assert (low >= -1e-6).all()
