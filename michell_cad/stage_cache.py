@@ -75,7 +75,7 @@ class StageCache:
         return value
 
     def _write(self, path: Path, value: Any) -> None:
-        arrays: dict[str, np.ndarray] = {}
+        arrays: dict[str, Any] = {}
         plain: dict[str, Any] = {}
         _pack(value, arrays, plain, "")
         try:
@@ -128,7 +128,7 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(f"{type(value).__name__} {value!r};".encode())
 
 
-def _pack(value: Any, arrays: dict[str, np.ndarray], plain: dict[str, Any], prefix: str) -> None:
+def _pack(value: Any, arrays: dict[str, Any], plain: dict[str, Any], prefix: str) -> None:
     """Put the fields of a dataclass into arrays and plain values, by their path."""
     for field in fields(value):
         item, name = getattr(value, field.name), prefix + field.name

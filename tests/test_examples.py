@@ -41,7 +41,6 @@ def test_the_constants_are_the_knobs():
     "constants",
     [
         {},
-        {"radius": 0.6},
         {"radius": 0.16 * small_bar().truss.spacing, "entasis": 0.0},
         {"radius": 0.8, "family": "compression"},
         {"radius": 0.8, "every": 2, "entasis": 0.5},

@@ -63,7 +63,7 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
         f"edit 'join': the parts have no common face: {len(hosts)} nodes of the first truss and {in_face.sum()} of the "
         f"second lie within {ON_FACE * spacing:.3g} mm of the other part; both must be in the same coordinates",
     )
-    across = ~in_face[second.members].all(1)
+    across = np.asarray(~in_face[second.members].all(1))
     guests = np.intersect1d(np.flatnonzero(in_face), second.members[across])
     away = np.linalg.norm(second.nodes[guests, None] - first.nodes[hosts], axis=2)
     rows, columns = linear_sum_assignment(np.minimum(away, 2 * reach) ** 2)

@@ -231,7 +231,7 @@ class Box(_OfPlaces):
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         low, high = np.minimum(self.one, self.other), np.maximum(self.one, self.other)
-        return ((points >= low) & (points <= high)).all(1)
+        return np.asarray(((points >= low) & (points <= high)).all(1))
 
     def plain(self) -> dict[str, Any]:
         return {"box": [list(self.one), list(self.other)]}
@@ -267,7 +267,8 @@ class InSolid(_OfPlaces):
         from michell_cad.domain import read_outline  # CAD loads only where a solid is asked for
 
         surface = read_outline(self.file).surface
-        return np.asarray(igl.fast_winding_number(surface.vertices, surface.triangles, points)) > 0.5
+        winding = igl.fast_winding_number(surface.vertices, surface.triangles, points)
+        return np.asarray(np.asarray(winding) > 0.5)
 
     def plain(self) -> dict[str, Any]:
         return {"solid": self.file}

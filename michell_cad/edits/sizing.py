@@ -9,7 +9,7 @@ import igl
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field, model_validator
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from michell_cad.arrays import require
 from michell_cad.edits.structure import DesignFields, SelectingEdit, Structure
@@ -131,7 +131,7 @@ def interpolate_stress(fields: DesignFields, points: Float[np.ndarray, "k 3"]) -
     Means over the nearest centroids with the weights ((R - d) / (R d))^2 of Franke and Little (R the distance of the
     farthest, d of each): the result is continuous, so that it does not matter which of two equally near tets is found.
     """
-    d, tet = cKDTree(fields.mesh.centroids).query(points, k=min(NEIGHBOURS, len(fields.stress)))
+    d, tet = KDTree(fields.mesh.centroids).query(points, k=min(NEIGHBOURS, len(fields.stress)))
     d, tet = d.reshape(len(points), -1), tet.reshape(len(points), -1)
     R = d.max(1, keepdims=True) * (1 + 1e-9)
     weights = ((R - d) / (R * np.maximum(d, 1e-9 * R))) ** 2
