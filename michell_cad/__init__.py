@@ -20,10 +20,14 @@ if TYPE_CHECKING:
         export_step,
         export_stl,
         forecast_step,
+        resolve_radius,
     )
-    from michell_cad.delivery import deliver_job, design_options, export_design
-    from michell_cad.design_file import load_design, save_design
+    from michell_cad.delivery import deliver_job, design_job, design_options
+    from michell_cad.delivery_edit import deliver_edit
+    from michell_cad.delivery_export import export_design
+    from michell_cad.design_file import load_design, load_edits, open_structure, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
+    from michell_cad.edits import EditList, Structure, change_knobs, read_script, size_structure, write_script
     from michell_cad.errors import ConvergenceError, GeometryKernelError, InvalidInputError, MichellError
     from michell_cad.job import Job, build_problem, read_job
     from michell_cad.knobs import Knobs, apply_knobs
@@ -38,6 +42,7 @@ _HOME = {
     "Design": "pipeline",
     "DesignOptions": "pipeline",
     "DesignProblem": "problem",
+    "EditList": "edits",
     "ExportOptions": "cad",
     "GeometryKernelError": "errors",
     "InvalidInputError": "errors",
@@ -48,30 +53,40 @@ _HOME = {
     "MichellError": "errors",
     "Part": "domain",
     "SizedTruss": "truss",
+    "Structure": "edits",
     "TetMesh": "tet_mesh",
     "Truss": "truss",
     "TrussSolid": "cad",
     "apply_knobs": "knobs",
     "build_problem": "job",
     "build_solid": "cad",
+    "change_knobs": "edits",
+    "deliver_edit": "delivery_edit",
     "deliver_job": "delivery",
     "design": "pipeline",
+    "design_job": "delivery",
     "design_options": "delivery",
     "export_3mf": "cad",
     "export_beam_lattice": "cad",
     "export_brep": "cad",
-    "export_design": "delivery",
+    "export_design": "delivery_export",
     "export_glb": "cad",
     "export_solid": "cad",
     "export_step": "cad",
     "export_stl": "cad",
     "forecast_step": "cad",
     "load_design": "design_file",
+    "load_edits": "design_file",
+    "open_structure": "design_file",
     "part_from_cad": "domain",
     "read_job": "job",
     "read_part": "domain",
+    "read_script": "edits",
     "render_truss": "picture",
+    "resolve_radius": "cad",
     "save_design": "design_file",
+    "size_structure": "edits",
+    "write_script": "edits",
 }
 
 __all__ = [
@@ -79,6 +94,7 @@ __all__ = [
     "Design",
     "DesignOptions",
     "DesignProblem",
+    "EditList",
     "ExportOptions",
     "GeometryKernelError",
     "InvalidInputError",
@@ -89,14 +105,18 @@ __all__ = [
     "MichellError",
     "Part",
     "SizedTruss",
+    "Structure",
     "TetMesh",
     "Truss",
     "TrussSolid",
     "apply_knobs",
     "build_problem",
     "build_solid",
+    "change_knobs",
+    "deliver_edit",
     "deliver_job",
     "design",
+    "design_job",
     "design_options",
     "export_3mf",
     "export_beam_lattice",
@@ -108,11 +128,17 @@ __all__ = [
     "export_stl",
     "forecast_step",
     "load_design",
+    "load_edits",
+    "open_structure",
     "part_from_cad",
     "read_job",
     "read_part",
+    "read_script",
     "render_truss",
+    "resolve_radius",
     "save_design",
+    "size_structure",
+    "write_script",
 ]
 
 

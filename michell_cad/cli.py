@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | export | faces | check | schema`.
+"""The command line: `michell-cad design | edit | export | knobs | faces | check | schema`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -38,14 +38,53 @@ def design(
     job: JobFile,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; must not exist yet.")],
     force: Force = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Compute all stages, also those kept from earlier runs.")
+    ] = False,
 ) -> None:
     """Design the truss of a job: the solid's files, layout, design file, picture and report."""
     from michell_cad.delivery import deliver_job
+    from michell_cad.stage_cache import StageCache
 
     console = _console()
     with _stage_bars(console) as progress:
-        report = deliver_job(job, out, force, progress)
+        report = deliver_job(job, out, force, progress, StageCache() if fresh else None)
     _print_summary(console, report, out)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    epilog="Every knob is an option, too: --radius 1.2 --family compression --entasis 0.4 --every 2; "
+    "see `michell-cad knobs`.",
+)
+def edit(
+    context: typer.Context,
+    design: Annotated[Path, typer.Argument(metavar="DESIGN", help="design.npz, or the folder that holds it.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; must not exist yet.")],
+    settings: Annotated[list[str] | None, typer.Option("--set", metavar="KNOB=VALUE", help="Turn a knob.")] = None,
+    script: Annotated[Path | None, typer.Option(metavar="EDITS.toml", help="Edits and knobs, in a file.")] = None,
+    undo: Annotated[int, typer.Option(min=0, help="Leave out this many of the design's last edits.")] = 0,
+    force: Force = False,
+) -> None:
+    """Turn knobs of a finished design and edit it; nothing upstream is computed again."""
+    from michell_cad.cli_edit import read_knob_options
+    from michell_cad.delivery_edit import deliver_edit
+
+    if str(design).startswith("-"):
+        raise InvalidInputError(f"michell-cad edit: DESIGN comes first, before {design}")
+    console = _console()
+    changes = read_knob_options(context.args, settings or [])
+    with _stage_bars(console) as progress:
+        report = deliver_edit(design, out, changes, script, undo, force=force, progress=progress)
+    _print_summary(console, report, out)
+
+
+@app.command()
+def knobs() -> None:
+    """List the knobs with units, bounds, defaults and help texts."""
+    from michell_cad.cli_edit import print_knobs
+
+    print_knobs(_console())
 
 
 @app.command()
@@ -63,7 +102,7 @@ def export(
 ) -> None:
     """Write the solid of a finished design to files, in the formats that their names mean."""
     from michell_cad.cad.formats import ExportOptions
-    from michell_cad.delivery import export_design
+    from michell_cad.delivery_export import export_design
 
     console = _console()
     options = ExportOptions(step_form, step_schema, pcurves, brep_binary)

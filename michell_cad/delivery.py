@@ -8,19 +8,42 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from michell_cad.cad import ExportOptions, TrussSolid, build_solid, export_solid, file_name, forecast_step, format_of
-from michell_cad.design_file import load_design, save_design
-from michell_cad.domain import read_part
+import numpy as np
+
+from michell_cad.cad import (
+    TrussSolid,
+    build_solid,
+    export_solid,
+    file_name,
+    forecast_step,
+    resolve_radius,
+)
+from michell_cad.design_file import save_design
+from michell_cad.domain import Part, mesh_outline, read_outline
+from michell_cad.edits import (
+    NO_EDITS,
+    Attach,
+    EditList,
+    PlateMesh,
+    Structure,
+    attachment_frames,
+    build_sheets,
+    size_structure,
+    tagged_members,
+    write_script,
+)
 from michell_cad.errors import InvalidInputError
-from michell_cad.files import writing_files, writing_folder
-from michell_cad.job import Job, build_problem, read_job
-from michell_cad.knobs import Knobs, apply_knobs
+from michell_cad.files import writing_folder
+from michell_cad.job import Job, OutputSection, build_problem, read_job
+from michell_cad.knobs import Knobs
 from michell_cad.parametrization import ParametrizationOptions
-from michell_cad.picture import render_truss
+from michell_cad.picture import ShownMesh, render_truss
 from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
-from michell_cad.problem import DesignProblem
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
+from michell_cad.stage_cache import StageCache
+from michell_cad.tet_mesh import TetMesh
+from michell_cad.truss import SizedTruss
 from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
@@ -29,15 +52,22 @@ SOLID_STEM = "truss"
 """Files of the solid have this name and the extension of their format."""
 
 LAYOUT_FILE, DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "design.npz", "preview.png", "report.json"
+EDITS_FILE, SHEETS_FILE, ATTACHMENTS_FILE = "edits.toml", "sheets.step", "attachments.step"
+SHEET_COLOUR = (0.5, 0.7, 0.5)
 
 
 def deliver_job(
-    job_file: str | Path, folder: str | Path, force: bool = False, progress: Progress = lambda stage, fraction: None
+    job_file: str | Path,
+    folder: str | Path,
+    force: bool = False,
+    progress: Progress = lambda stage, fraction: None,
+    cache: StageCache | None = None,
 ) -> dict[str, Any]:
     """Run a job and write its results to `folder`; returns the report.
 
     Nothing appears in `folder` before everything is done. An existing folder is refused unless `force`; then the new
-    files replace those of the same name, and others stay.
+    files replace those of the same name, and others stay. Stages whose result is in `cache` (default: that of the user)
+    are not run again.
 
     Raises
     ------
@@ -47,17 +77,38 @@ def deliver_job(
         If a stage fails.
     """
     folder = Path(folder)
-    job = read_job(job_file)
-    _require_place(folder, force)
+    job, cache = read_job(job_file), cache or StageCache.usual()
+    require_place(folder, force)
     times: list[StageTime] = []
     with _timed("mesh", times, progress):
-        part = read_part(job.part.file, job.part.units, job.mesh.size)
+        part = _read_part(job, cache)
         problem = build_problem(job, part)
-    result = design(problem, design_options(job), progress)
+    result = design(problem, design_options(job), progress, cache)
     times.extend(result.times)
     with writing_folder(folder) as partial:
-        report = _write_results(partial, result, job, part.outline.up, times, progress)
+        structure = NO_EDITS.replay(result, job.knobs)
+        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
     return report
+
+
+def _read_part(job: Job, cache: StageCache) -> Part:
+    """The part of a job; meshing it is a stage like others."""
+    outline = read_outline(job.part.file, job.part.units)
+    inputs = (outline.surface, outline.mesh, job.mesh.size)
+    return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
+
+
+def design_job(job_file: str | Path, options: DesignOptions | None = None, cache: StageCache | None = None) -> Design:
+    """Design the truss of a job without building it; for scripts.
+
+    Parameters
+    ----------
+    job_file : the job; its knobs and outputs play no part.
+    options : instead of those of the job.
+    cache : see `deliver_job`.
+    """
+    job, cache = read_job(job_file), cache or StageCache.usual()
+    return design(build_problem(job, _read_part(job, cache)), options or design_options(job), cache=cache)
 
 
 def design_options(job: Job) -> DesignOptions:
@@ -74,70 +125,94 @@ def design_options(job: Job) -> DesignOptions:
     )
 
 
-def _write_results(
-    folder: Path, result: Design, job: Job, up: int, times: list[StageTime], progress: Progress
+def write_results(
+    folder: Path,
+    structure: Structure,
+    edits: EditList,
+    output: OutputSection,
+    up: int,
+    times: list[StageTime],
+    progress: Progress,
 ) -> dict[str, Any]:
+    """Build a structure and write all files; returns the report.
+
+    Parameters
+    ----------
+    folder : where to write.
+    structure : what to build.
+    edits : what made it of its design, to be saved with it.
+    output : which of the larger files are wanted.
+    up : axis that points up in pictures.
+    times : of the stages that were run so far.
+    progress : called with the name of a stage and the finished fraction of it.
+    """
+    result, mesh = structure.design, structure.whole_mesh
     with _timed("solid", times, progress):
-        sized = apply_knobs(result.truss, job.knobs)
-        solid = build_solid(sized, job.knobs, progress=lambda fraction: progress("solid", fraction))
+        solid, knobs = build_structure(structure, progress)
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
-        files = [file_name(SOLID_STEM, name) for name in job.output.formats]
+        files = [file_name(SOLID_STEM, name) for name in output.formats]
         for k, file in enumerate(files):
-            export_solid(solid, folder / file, job.output.options)
+            export_solid(solid, folder / file, output.options)
             progress("export", 0.8 * (k + 1) / len(files))
-        write_truss_json(folder / LAYOUT_FILE, built, splines, job.knobs)
-        save_design(folder / DESIGN_FILE, result, job.knobs)
-        if job.output.preview:
-            render_truss(folder / PICTURE_FILE, result.problem.mesh, built, splines, up=up)
+        write_truss_json(folder / LAYOUT_FILE, built, splines, knobs)
+        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up)
+        if len(edits):
+            write_script(folder / EDITS_FILE, edits)
+        plates = build_sheets(structure)
+        extras = _write_extras(folder, structure, built, plates)
+        if output.preview:
+            shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
+            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, others=shown)
     report = report_design(result, built.truss, times)
     report["solid"] = report_solid(solid)
     report["files"] = {file: {"bytes": (folder / file).stat().st_size} for file in files}
-    if "step" in job.output.formats:
+    if "step" in output.formats:
         step = report["files"][file_name(SOLID_STEM, "step")]
-        step["forecast_bytes"] = forecast_step(solid, job.output.step_form, job.output.pcurves)
-    report["summary"] |= _material_summary(result.problem, solid)
-    report["knobs"] = job.knobs.model_dump(mode="json")
-    report["notes"] = _notes(report, job.knobs) + list(solid.report.messages)
+        step["forecast_bytes"] = forecast_step(solid, output.step_form, output.pcurves)
+    report["summary"] |= _material_summary(structure, solid)
+    report["knobs"] = knobs.model_dump(mode="json")
+    report["edits"] = edits.plain()
+    report |= extras
+    report["notes"] = _notes(report, knobs) + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
 
 
-def export_design(
-    design_file: str | Path,
-    files: Sequence[Path],
-    options: ExportOptions,
-    force: bool = False,
-    progress: Progress = lambda stage, fraction: None,
-    tell: Callable[[str], None] = lambda text: None,
-) -> TrussSolid:
-    """Build the solid of a design file and write it to files, in the formats that their names mean; all or none.
+def build_structure(structure: Structure, progress: Progress) -> tuple[TrussSolid, Knobs]:
+    """The solid of a structure, and its knobs with the radius that a target volume or mass asks for."""
+    knobs = resolve_radius(
+        structure.knobs,
+        lambda knobs: size_structure(structure, knobs),
+        structure.truss.spacing,
+        float(structure.whole_mesh.volumes.sum()),
+        structure.design.problem.material.density,
+    )
+    sized = size_structure(structure, knobs)
+    return build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction)), knobs
 
-    Raises
-    ------
-    InvalidInputError
-        For a bad design file; for a name without a format or given twice; for a file that exists, unless `force`.
-    GeometryKernelError
-        If no valid solid comes out.
-    """
-    formats = [format_of(file) for file in files]
-    for file in files:
-        if file.exists() and not (force and file.is_file()):
-            what = "is a folder" if file.is_dir() else "exists; name a new file, or add --force to replace it"
-            raise InvalidInputError(f"{file} {what}")
-    if len(set(files)) != len(files):
-        raise InvalidInputError("the same file is named twice")
-    with writing_files(files) as partials:
-        result, knobs = load_design(design_file)
-        solid = build_solid(apply_knobs(result.truss, knobs), knobs, progress=lambda part: progress("solid", part))
-        for k, (name, file, partial) in enumerate(zip(formats, files, partials, strict=True)):
-            if name == "step":
-                size = forecast_step(solid, options.step_form, options.pcurves)
-                tell(f"{file} will take about {size / 1e6:.3g} MB")
-            export_solid(solid, partial, options)
-            progress("export", (k + 1) / len(files))
-    return solid
+
+def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:
+    """Write what edits add to the truss (sheets, attachments); returns the report's blocks about it, and about tags."""
+    report: dict[str, Any] = {}
+    tags = tagged_members(structure, built.truss)
+    if tags:
+        report["tags"] = {name: np.flatnonzero(mine).tolist() for name, mine in tags.items()}
+    attachments = structure.of_kind(Attach)
+    if plates or attachments:
+        from michell_cad.cad.plates import export_shapes, place_copies, solid_of_plate
+    if plates:
+        export_shapes([solid_of_plate(plate) for plate in plates], folder / SHEETS_FILE)
+        report["sheets"] = [{"volume_mm3": plate.volume, "triangles": len(plate.triangles)} for plate in plates]
+    if attachments:
+        frames = [attachment_frames(structure, edit, built.truss) for edit in attachments]
+        copies = [place_copies(edit.part, f) for edit, f in zip(attachments, frames, strict=True)]
+        export_shapes(copies, folder / ATTACHMENTS_FILE)
+        report["attachments"] = [
+            {"part": edit.part, "copies": len(f.origins)} for edit, f in zip(attachments, frames, strict=True)
+        ]
+    return report
 
 
 def report_solid(solid: TrussSolid) -> dict[str, Any]:
@@ -163,11 +238,11 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
     }
 
 
-def _material_summary(problem: DesignProblem, solid: TrussSolid) -> dict[str, float]:
+def _material_summary(structure: Structure, solid: TrussSolid) -> dict[str, float]:
     volume = solid.report.volume_mm3
     return {
-        "volume_fraction": volume / float(problem.mesh.volumes.sum()),
-        "mass_g": volume * problem.material.density,
+        "volume_fraction": volume / float(structure.whole_mesh.volumes.sum()),
+        "mass_g": volume * structure.design.problem.material.density,
     }
 
 
@@ -191,7 +266,7 @@ def _notes(report: dict[str, Any], knobs: Knobs) -> list[str]:
     return notes
 
 
-def _require_place(folder: Path, force: bool) -> None:
+def require_place(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InvalidInputError(f"--out {folder} is a file; name a folder")
     if folder.exists() and not force:

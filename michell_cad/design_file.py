@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from michell_cad.curves import Curve, CurveKind, Curves
+from michell_cad.edits import NO_EDITS, EditList, Structure
 from michell_cad.elasticity import ElasticityOptions, StressField
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing
@@ -27,11 +28,21 @@ from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions
 
 FORMAT = "michell_cad.design"
-VERSION = 1
+VERSION = 2
+"""Version 2 has edits; a program that does not know them must not build the unedited truss instead."""
+
+DEFAULT_UP = 2
+"""The axis that points up in pictures of a design that does not say so: z."""
 
 
-def save_design(path: str | Path, design: Design, knobs: Knobs) -> None:
-    """Write a design and the knobs it was built with; the file appears under its name only when it is complete."""
+def save_design(
+    path: str | Path, design: Design, knobs: Knobs, edits: EditList = NO_EDITS, up: int = DEFAULT_UP
+) -> None:
+    """Write a design, and the knobs and edits it was built with.
+
+    The file appears under its name only when it is complete. It holds the whole truss: knobs and edits are replayed.
+    `up` is the axis (0, 1, 2) that points up in pictures.
+    """
     problem, mesh, truss, network = design.problem, design.problem.mesh, design.truss, design.network
     arrays = {
         "vertices": mesh.vertices,
@@ -77,6 +88,8 @@ def save_design(path: str | Path, design: Design, knobs: Knobs) -> None:
         "alignment": asdict(design.alignment),
         "times": [asdict(time) for time in design.times],
         "knobs": knobs.model_dump(mode="json"),
+        "edits": edits.plain(),
+        "up": up,
     }
     with writing(Path(path)) as partial, partial.open("wb") as file:
         np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
@@ -90,11 +103,30 @@ def load_design(path: str | Path) -> tuple[Design, Knobs]:
     InvalidInputError
         If the file is missing, cut short, no design file, or written by a newer version.
     """
-    path = Path(path)
+    return _rebuild(*_read(Path(path)))
+
+
+def load_edits(path: str | Path) -> EditList:
+    """Read the edits of a design file; errors as for `load_design`."""
+    return EditList.of(_read(Path(path), only_meta=True)[1].get("edits", []), str(path))
+
+
+def load_up(path: str | Path) -> int:
+    """Read which axis points up in pictures of a design; errors as for `load_design`."""
+    return int(_read(Path(path), only_meta=True)[1].get("up", DEFAULT_UP))
+
+
+def open_structure(path: str | Path) -> Structure:
+    """Read a design file and replay its knobs and edits on the truss; errors as for both."""
+    design, knobs = load_design(path)
+    return load_edits(path).replay(design, knobs)
+
+
+def _read(path: Path, only_meta: bool = False) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        meta = json.loads(str(arrays.pop("meta")))
+            meta = json.loads(str(file["meta"]))
+            arrays = {} if only_meta else {name: file[name] for name in file.files if name != "meta"}
     except FileNotFoundError:
         raise InvalidInputError(f"no design file {path}: expected the design.npz that `design` writes") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
@@ -105,7 +137,7 @@ def load_design(path: str | Path) -> tuple[Design, Knobs]:
         raise InvalidInputError(
             f"{path} has version {meta['version']}, this program reads up to {VERSION}: install a newer michell_cad"
         )
-    return _rebuild(arrays, meta)
+    return arrays, meta
 
 
 def _rebuild(a: dict[str, np.ndarray], meta: dict[str, Any]) -> tuple[Design, Knobs]:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from michell_cad.arrays import require
-from michell_cad.truss import Curve, CurveKind, SizedTruss, Truss, keep_curves
+from michell_cad.truss import Curve, SizedTruss, Truss, keep_curves
 
 FamilyName = Literal["tension", "compression", "third"]
 FAMILY_ORDER: tuple[FamilyName, ...] = ("tension", "compression", "third")
@@ -22,6 +22,9 @@ its surface and the nodes make it about 10 %."""
 
 LARGEST_RADIUS_RATIO = 0.25
 """Largest radius (entasis included) over cell edge: beyond it two nodes of a cell leave no tube between them."""
+
+SIZES = ("radius", "volume_fraction", "mass")
+"""Knobs of which one says how thick the members are."""
 
 Stride = Annotated[int, Field(ge=1, le=1000)]
 Shift = Annotated[int, Field(ge=0, le=1000)]
@@ -40,6 +43,25 @@ class Knobs(BaseModel):
         default=None,
         gt=0,
         description="Radius of the members; default: 0.08 of the cell edge.",
+        json_schema_extra={"unit": "mm"},
+    )
+    volume_fraction: float | None = Field(
+        default=None,
+        gt=0,
+        lt=1,
+        description="Instead of a radius: volume of the truss over volume of the part.",
+        json_schema_extra={"unit": "1"},
+    )
+    mass: float | None = Field(
+        default=None,
+        gt=0,
+        description="Instead of a radius: mass of the truss.",
+        json_schema_extra={"unit": "g"},
+    )
+    smallest_radius: float = Field(
+        default=0.0,
+        ge=0,
+        description="No member is thinner than this, whatever else says so: what the printer can make.",
         json_schema_extra={"unit": "mm"},
     )
     entasis: float = Field(
@@ -80,6 +102,13 @@ class Knobs(BaseModel):
             raise ValueError("family must name at least one of tension, compression, third, or be 'all'")
         return self
 
+    @model_validator(mode="after")
+    def _one_size(self) -> "Knobs":
+        given = [name for name in SIZES if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"give one of {', '.join(SIZES)}, found {' and '.join(given)}")
+        return self
+
     @property
     def families(self) -> tuple[FamilyName, ...]:
         """The chosen families."""
@@ -91,48 +120,99 @@ class Knobs(BaseModel):
 def apply_knobs(truss: Truss, knobs: Knobs) -> SizedTruss:
     """Choose curves by family and density, and give every member of what remains its radius.
 
+    Raises
+    ------
+    InvalidInputError
+        See `choose_curves` and `size_members`.
+    """
+    return size_members(choose_curves(truss, knobs), knobs)
+
+
+def choose_curves(truss: Truss, knobs: Knobs) -> Truss:
+    """Keep the curves of the chosen families and density.
+
     A curve of a family with stride n and offset o is kept if (v + o) mod n = 0 for each of its isovalues v (the
-    reference's rule). Feature curves stay. Along a whole curve of length L the radius is r (1 + e w(l/L)) at distance l
-    from its start, with the entasis e and w(x) = 16 x^2 (1 - x)^2; a closed curve, having no ends, keeps r.
+    reference's rule). Feature curves stay, and so do added ones.
 
     Raises
     ------
     InvalidInputError
-        If nothing remains, or the radius is too large for the cell edge of the truss.
+        If nothing remains.
     """
     stride = dict(zip(FAMILY_ORDER, _per_family(knobs.every), strict=True))
     offset = dict(zip(FAMILY_ORDER, _per_family(knobs.offset), strict=True))
 
     def kept(curve: Curve) -> bool:
-        if curve.kind is CurveKind.FEATURE:
+        if curve.family not in FAMILY_ORDER:
             return True
-        if curve.family not in knobs.families:
-            return False
-        n, o = stride[curve.family], offset[curve.family]
-        return all(value is None or (value + o) % n == 0 for value in curve.isovalues)
+        return curve.family in knobs.families and on_stride(curve, stride[curve.family], offset[curve.family])
 
     mask = np.array([kept(curve) for curve in truss.curves], bool)
-    left = sum(curve.kind is not CurveKind.FEATURE for curve, keep in zip(truss.curves, mask, strict=True) if keep)
+    left = sum(curve.family in FAMILY_ORDER for curve, keep in zip(truss.curves, mask, strict=True) if keep)
     require(
         left,
         f"no curve is left for family = {knobs.family!r}, every = {knobs.every}, offset = {knobs.offset}; there are "
         + ", ".join(f"{sum(c.family == name for c in truss.curves)} {name}" for name in FAMILY_ORDER)
         + " curves: choose another family or a smaller stride",
     )
-    chosen = truss if mask.all() else keep_curves(truss, mask)
-    radius = DEFAULT_RADIUS_RATIO * truss.spacing if knobs.radius is None else knobs.radius
-    largest = LARGEST_RADIUS_RATIO * truss.spacing / (1 + max(knobs.entasis, 0.0))
+    return truss if mask.all() else keep_curves(truss, mask)
+
+
+def on_stride(curve: Curve, every: int, offset: int) -> bool:
+    """Whether (v + offset) mod every = 0 for each of the curve's isovalues v."""
+    return all(value is None or (value + offset) % every == 0 for value in curve.isovalues)
+
+
+def default_radius(truss: Truss, knobs: Knobs) -> float:
+    """The radius that the knobs ask for, mm.
+
+    Raises
+    ------
+    InvalidInputError
+        If they ask for a volume or a mass: the radius for it needs the solid, see `cad.radius_for_volume`.
+    """
     require(
-        radius <= largest,
-        f"knobs.radius = {radius:.4g} mm with entasis {knobs.entasis:g} is too large for a cell edge of "
+        knobs.volume_fraction is None and knobs.mass is None,
+        "knobs.volume_fraction and knobs.mass need the solid: find the radius by michell_cad.resolve_radius first",
+    )
+    return DEFAULT_RADIUS_RATIO * truss.spacing if knobs.radius is None else knobs.radius
+
+
+def size_members(truss: Truss, knobs: Knobs) -> SizedTruss:
+    """Give every member its radius.
+
+    Along a whole curve of length L the radius is r (1 + e w(l/L)) at distance l from its start, with the entasis e and
+    w(x) = 16 x^2 (1 - x)^2; a closed curve, having no ends, keeps r. No radius is below the smallest one.
+
+    Raises
+    ------
+    InvalidInputError
+        If the radius is too large for the cell edge of the truss.
+    """
+    radius = default_radius(truss, knobs)
+    largest = LARGEST_RADIUS_RATIO * truss.spacing / (1 + max(knobs.entasis, 0.0))
+    name, found = ("radius", radius) if radius >= knobs.smallest_radius else ("smallest_radius", knobs.smallest_radius)
+    require(
+        found <= largest,
+        f"knobs.{name} = {found:.4g} mm with entasis {knobs.entasis:g} is too large for a cell edge of "
         f"{truss.spacing:.4g} mm: use at most {largest:.4g} mm, a larger spacing or a smaller resolution",
     )
-    return SizedTruss(chosen, radius * (1 + knobs.entasis * entasis_weights(chosen)))
+    radii = radius * (1 + knobs.entasis * entasis_weights(truss))
+    return SizedTruss(truss, np.maximum(radii, knobs.smallest_radius))
 
 
 def entasis_weights(truss: Truss) -> Float[np.ndarray, "n_m 3"]:
     """w at the first node, middle and second node of each member: 0 at the ends of its curve, 1 in the middle."""
-    weights = np.zeros((len(truss.members), 3))
+    x = arc_fractions(truss)
+    return 16 * (x * (1 - x)) ** 2
+
+
+def arc_fractions(truss: Truss) -> Float[np.ndarray, "n_m 3"]:
+    """Where each member lies on the curve that names it: 0 at the curve's start, 1 at its end, by chord length.
+
+    At the first node, the middle and the second node of the member. A closed curve has no ends: 0 all along.
+    """
+    fractions = np.zeros((len(truss.members), 3))
     owner = truss.curve_of_member
     for number, curve in enumerate(truss.curves):
         if curve.closed:
@@ -142,8 +222,8 @@ def entasis_weights(truss: Truss) -> Float[np.ndarray, "n_m 3"]:
         reverse = truss.members[curve.members, 0] != curve.nodes[:-1]
         x[reverse] = x[reverse, ::-1]
         mine = owner[curve.members] == number
-        weights[curve.members[mine]] = 16 * (x[mine] * (1 - x[mine])) ** 2
-    return weights
+        fractions[curve.members[mine]] = x[mine]
+    return fractions
 
 
 def _per_family(value: int | tuple[int, int, int]) -> tuple[int, int, int]:

@@ -16,6 +16,7 @@ from michell_cad.isocurves import CurveNetwork, trace_isocurves
 from michell_cad.metrics import Alignment, measure_alignment, name_families
 from michell_cad.parametrization import Layers, Parametrization, ParametrizationOptions, parametrize
 from michell_cad.problem import DesignProblem
+from michell_cad.stage_cache import StageCache
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions, clean_network
 from michell_cad.truss.inside import keep_inside
@@ -99,6 +100,7 @@ def design(
     problem: DesignProblem,
     options: DesignOptions | None = None,
     progress: Callable[[str, float], None] = lambda stage, fraction: None,
+    cache: StageCache | None = None,
 ) -> Design:
     """Design the stress-aligned truss of a part.
 
@@ -107,6 +109,7 @@ def design(
     problem : DesignProblem
     options : DesignOptions
     progress : called with the name of a stage and the finished fraction of it.
+    cache : where results of stages are kept and found again; default: nowhere.
 
     Raises
     ------
@@ -116,25 +119,46 @@ def design(
         If a stage fails to converge.
     """
     options = options or DesignOptions()
-    mesh = problem.mesh
+    mesh, cache = problem.mesh, cache or StageCache()
     require_fine_enough(mesh, _expected_cell(mesh, options))
     load_compiled_loops()
     times: list[StageTime] = []
 
     with _stage("elasticity", times, progress) as advance:
-        stress_field = solve_elasticity(problem, options.elasticity, advance)
+        stress_field = cache.keep(
+            "elasticity",
+            StressField,
+            (problem, options.elasticity),
+            lambda: solve_elasticity(problem, options.elasticity, advance),
+        )
     with _stage("frames", times, progress) as advance:
-        frame_field = fit_frame_field(mesh, stress_field, options.frames, advance)
+        frame_field = cache.keep(
+            "frames",
+            FrameField,
+            (mesh, stress_field.stress, options.frames),
+            lambda: fit_frame_field(mesh, stress_field, options.frames, advance),
+        )
     with _stage("parametrization", times, progress) as advance:
-        parametrization = parametrize(mesh, stress_field, frame_field, options.parametrization, advance)
+        parametrization = cache.keep(
+            "parametrization",
+            Parametrization,
+            (mesh, stress_field.stress, frame_field.frames, options.parametrization),
+            lambda: parametrize(mesh, stress_field, frame_field, options.parametrization, advance),
+        )
     with _stage("isocurves", times, progress):
         levels, spacing = parametrization.levels(options.resolution, options.spacing, options.layers)
         require_fine_enough(mesh, spacing)
         families = name_families(mesh, stress_field.stress, parametrization.tangents)
-        network = trace_isocurves(mesh, levels, families)
+        network = cache.keep(
+            "isocurves", CurveNetwork, (mesh, levels, families), lambda: trace_isocurves(mesh, levels, families)
+        )
     with _stage("truss", times, progress):
-        truss, cleaning = clean_network(network, spacing, options.truss, mesh.vertices[problem.anchored])
-        truss = keep_inside(truss, mesh)
+        cleaned = cache.keep(
+            "truss",
+            CleanedTruss,
+            (mesh, levels, families, spacing, options.truss, problem.anchored),
+            lambda: _clean(network, spacing, options.truss, problem),
+        )
 
     alignment = measure_alignment(stress_field.stress, frame_field, parametrization, network)
     return Design(
@@ -143,12 +167,26 @@ def design(
         stress_field,
         frame_field,
         parametrization,
-        truss,
+        cleaned.truss,
         network,
-        cleaning,
+        cleaned.report,
         alignment,
         tuple(times),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class CleanedTruss:
+    """A truss, and what cleaning did to it."""
+
+    truss: Truss
+    report: CleaningReport
+
+
+def _clean(network: CurveNetwork, spacing: float, options: TrussOptions, problem: DesignProblem) -> CleanedTruss:
+    mesh = problem.mesh
+    truss, report = clean_network(network, spacing, options, mesh.vertices[problem.anchored])
+    return CleanedTruss(keep_inside(truss, mesh), report)
 
 
 def cells_per_edge(mesh: TetMesh, cell: float) -> float:

@@ -142,7 +142,7 @@ class DesignProblem:
     def anchored(self) -> Bool[np.ndarray, " n_v"]:
         """Vertices that are held or loaded; a load on every vertex (weight) is on no place in particular."""
         loaded = np.array([(case.force != 0).any(1) for case in self.load_cases])
-        return self.fixed.any(1) | loaded[~loaded.all(1)].any(0)
+        return np.logical_or(self.fixed.any(1), loaded[~loaded.all(1)].any(0))
 
 
 # --- loads on regions of the boundary, as consistent nodal forces --------------------------------------------

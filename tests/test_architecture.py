@@ -34,12 +34,25 @@ NUMERICS = (
     "rigid_motions",
     "rotations",
     "splines",
+    "stage_cache",
     "strength",
     "tet_mesh",
     "truss",
     "warm_up",
 )
-OUTSIDE = ("cad", "cli", "cli_inspect", "delivery", "domain", "job", "picture", "selection")
+OUTSIDE = (
+    "cad",
+    "cli",
+    "cli_edit",
+    "cli_inspect",
+    "delivery",
+    "delivery_edit",
+    "domain",
+    "edits",
+    "job",
+    "picture",
+    "selection",
+)
 
 
 def modules() -> list[Path]:

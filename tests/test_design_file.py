@@ -1,8 +1,8 @@
-import dataclasses
 import json
 
 import numpy as np
 import pytest
+from comparing import assert_same
 from shapes import cantilever
 
 import michell_cad.design_file as design_file
@@ -20,22 +20,6 @@ from michell_cad.truss_json import truss_to_dict, write_truss_json
 def bar() -> Design:
     bounded = ParametrizationOptions(spacing_bounds=(0.3, 3.0))
     return design(cantilever((8, 4, 4)), DesignOptions(7, layers="hug", parametrization=bounded))
-
-
-def assert_same(a: object, b: object) -> None:
-    """Equal in all fields, arrays to the bit."""
-    if isinstance(a, np.ndarray):
-        assert isinstance(b, np.ndarray)
-        np.testing.assert_array_equal(a, b)
-    elif dataclasses.is_dataclass(a):
-        for field in dataclasses.fields(a):
-            assert_same(getattr(a, field.name), getattr(b, field.name))
-    elif isinstance(a, tuple):
-        assert len(a) == len(b)
-        for x, y in zip(a, b, strict=True):
-            assert_same(x, y)
-    else:
-        assert a == b
 
 
 def test_a_design_comes_back_as_it_was(bar, tmp_path):

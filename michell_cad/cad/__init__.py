@@ -14,10 +14,12 @@ from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.preview import PreviewMesh, preview_truss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
 from michell_cad.cad.step import StepForm, StepSchema, export_step, forecast_step, read_step_summary
 from michell_cad.cad.stl import export_stl
+from michell_cad.cad.target_volume import resolve_radius
 from michell_cad.cad.threemf import export_3mf
 
 __all__ = [
@@ -30,6 +32,7 @@ __all__ = [
     "FaceRole",
     "FormatName",
     "PreparedTruss",
+    "PreviewMesh",
     "SolidReport",
     "StepForm",
     "StepSchema",
@@ -51,6 +54,8 @@ __all__ = [
     "format_of",
     "mesh_truss",
     "prepare_truss",
+    "preview_truss",
     "read_step_summary",
+    "resolve_radius",
     "sample_beams",
 ]

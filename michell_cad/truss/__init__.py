@@ -9,6 +9,7 @@ from michell_cad.truss.cleaning import (
     interior_degree_6,
     valences,
 )
+from michell_cad.truss.cutting import keep_members, open_ends, without_loose
 from michell_cad.truss.subset import keep_curves
 from michell_cad.truss.values import SizedTruss, Truss, member_radius
 
@@ -26,6 +27,9 @@ __all__ = [
     "clean_network",
     "interior_degree_6",
     "keep_curves",
+    "keep_members",
     "member_radius",
+    "open_ends",
     "valences",
+    "without_loose",
 ]

@@ -1,0 +1,130 @@
+"""Joining two trusses at the common face of their parts, so that their nodes meet there (Arora et al. 2019, Figure 17).
+
+The first truss keeps its net on the common face. Of the second one what runs in the face goes, and the nodes in which
+its other members end there move to nodes of the first, each to one of its own, so that the sum of the squared ways is
+least. What finds no node within reach is taken off.
+"""
+
+from collections import Counter
+from dataclasses import replace
+from typing import Literal
+
+import igl
+import numpy as np
+from jaxtyping import Bool, Int
+from pydantic import Field
+from scipy.optimize import linear_sum_assignment
+
+from michell_cad.arrays import require
+from michell_cad.curves import Curve
+from michell_cad.edits.structure import Edit, Structure
+from michell_cad.tet_mesh import TetMesh
+from michell_cad.truss import NodeKind, Truss, keep_members, without_loose
+
+ON_FACE = 0.1
+"""Nodes nearer to the other part than this lie on the common face (relative to the cell edge)."""
+
+REACH = 1.0
+"""So far a node may move to meet one of the other truss (relative to the larger cell edge)."""
+
+
+class Join(Edit):
+    """The truss of another design, with its own knobs and edits, joined to this one."""
+
+    do: Literal["join"] = "join"
+    design: str = Field(description="The other design file, in the same coordinates.")
+    reach: float | None = Field(default=None, gt=0, description="How far nodes may move, mm; default: a cell edge.")
+
+    def apply(self, structure: Structure) -> Structure:
+        from michell_cad.design_file import open_structure  # which knows all edits, this one among them
+
+        other = open_structure(self.design)
+        mesh = other.fields.mesh
+        truss = join_trusses(structure.truss, structure.whole_mesh, other.truss, mesh, self.reach)
+        return replace(structure.with_truss(truss), others=(*structure.others, mesh, *other.others))
+
+
+def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh, reach: float | None = None) -> Truss:
+    """One truss of two, whose nodes on the common face of their parts meet.
+
+    The labels of the second one get component numbers after those of the first.
+
+    Raises
+    ------
+    InvalidInputError
+        If no two nodes on the common face are within reach of each other.
+    """
+    spacing = max(first.spacing, second.spacing)
+    reach = REACH * spacing if reach is None else reach
+    hosts = np.flatnonzero(on_surface(first, other_part, ON_FACE * spacing))
+    in_face = on_surface(second, part, ON_FACE * spacing)
+    require(
+        len(hosts) and in_face.any(),
+        f"edit 'join': the parts have no common face: {len(hosts)} nodes of the first truss and {in_face.sum()} of the "
+        f"second lie within {ON_FACE * spacing:.3g} mm of the other part; both must be in the same coordinates",
+    )
+    across = np.asarray(~in_face[second.members].all(1))
+    guests = np.intersect1d(np.flatnonzero(in_face), second.members[across])
+    away = np.linalg.norm(second.nodes[guests, None] - first.nodes[hosts], axis=2)
+    rows, columns = linear_sum_assignment(np.minimum(away, 2 * reach) ** 2)
+    near = away[rows, columns] <= reach
+    require(
+        near.any(),
+        f"edit 'join': no nodes meet: on the common face they are at least {away.min():.3g} mm apart, and may move by "
+        f"{reach:.3g} mm; raise reach",
+    )
+    partner = np.full(len(second.nodes), -1)
+    partner[guests[rows[near]]] = hosts[columns[near]]
+    left = without_loose(second, across, stays=(second.degrees <= 1) | (partner >= 0))
+    return _unite(first, *_cut(second, left, partner))
+
+
+def on_surface(truss: Truss, part: TetMesh, distance: float) -> Bool[np.ndarray, " n_n"]:
+    """Nodes on the surface of their own part that are nearer than a distance to another one."""
+    squared = np.asarray(igl.point_mesh_squared_distance(truss.nodes, part.vertices, part.boundary_triangles)[0])
+    return (truss.node_kinds != NodeKind.INTERIOR) & (squared <= distance**2)
+
+
+def _cut(truss: Truss, members: np.ndarray, partner: np.ndarray) -> tuple[Truss, np.ndarray]:
+    """The truss with some of its members, and the partners of the nodes that are left."""
+    places = {tuple(place): int(host) for place, host in zip(truss.nodes.tolist(), partner, strict=True)}
+    left = keep_members(truss, members)
+    return left, np.array([places[tuple(place)] for place in left.nodes.tolist()])
+
+
+def _unite(first: Truss, second: Truss, partner: Int[np.ndarray, " n_n"]) -> Truss:
+    """Both trusses as one; nodes of the second with a partner become it."""
+    new = np.flatnonzero(partner < 0)
+    number = partner.copy()
+    number[new] = len(first.nodes) + np.arange(len(new))
+    ends = number[second.members]
+    turned = ends[:, 0] > ends[:, 1]
+    offsets, points = np.asarray(second.waypoint_offsets), np.array(second.waypoints)
+    for m in np.flatnonzero(turned):
+        points[offsets[m] : offsets[m + 1]] = points[offsets[m] : offsets[m + 1]][::-1]
+    return Truss(
+        np.concatenate([first.nodes, second.nodes[new]]),
+        np.concatenate([first.node_kinds, second.node_kinds[new]]),
+        np.concatenate([first.members, np.sort(ends, axis=1)]),
+        (*first.curves, *_relabelled(first, second, number)),
+        min(first.spacing, second.spacing),
+        np.concatenate([np.asarray(first.waypoints), points]),
+        np.concatenate([np.asarray(first.waypoint_offsets), np.asarray(first.waypoint_offsets)[-1] + offsets[1:]]),
+    )
+
+
+def _relabelled(first: Truss, second: Truss, number: np.ndarray) -> list[Curve]:
+    """The curves of the second truss with new node and member numbers, and components that the first does not have."""
+    used = Counter[tuple]()
+    for curve in first.curves:
+        key = (curve.kind, curve.isovalues)
+        used[key] = max(used[key], curve.component + 1)
+    return [
+        replace(
+            curve,
+            component=curve.component + used[curve.kind, curve.isovalues],
+            nodes=number[curve.nodes],
+            members=curve.members + len(first.members),
+        )
+        for curve in second.curves
+    ]

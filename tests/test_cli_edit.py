@@ -1,0 +1,124 @@
+"""`michell-cad edit`: from a design file to new results, the old file untouched."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from designs import small_bar
+
+from michell_cad.cli_edit import read_knob_options
+from michell_cad.delivery_edit import deliver_edit
+from michell_cad.design_file import load_edits, save_design
+from michell_cad.errors import InvalidInputError
+from michell_cad.job import OutputSection
+from michell_cad.knobs import Knobs
+
+SCRIPT = """
+version = 1
+[knobs]
+entasis = 0.2
+[[edit]]
+do = "radius"
+where = { family = "compression", not = { where = "boundary" } }
+times = 1.2
+[[edit]]
+do = "sheet"
+coordinate = "compression"
+low = 3
+high = 3
+thickness = 0.6
+[[edit]]
+do = "tag"
+name = "oak"
+where = { family = "compression" }
+"""
+
+
+def run(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "michell_cad.cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("edit")
+    save_design(folder / "design.npz", small_bar(), Knobs(radius=0.9))
+    (folder / "edits.toml").write_text(SCRIPT)
+    return folder
+
+
+def test_knobs_and_a_script_make_new_results(folder):
+    old = (folder / "design.npz").read_bytes()
+    options = ("--set", "radius=0.7", "--family=tension,compression", "--every", "2", "--script", "edits.toml")
+    done = run("edit", "design.npz", *options, "--out", "new", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert (folder / "design.npz").read_bytes() == old
+    report = json.loads((folder / "new/report.json").read_text())
+    knobs = report["knobs"]
+    assert (knobs["radius"], knobs["family"], knobs["every"], knobs["entasis"]) == (
+        0.7,
+        ["tension", "compression"],
+        2,
+        0.2,
+    )
+    assert set(report["cpu_s"]) == {"solid", "export"}
+    assert len(report["edits"]) == 3
+    assert report["sheets"][0]["volume_mm3"] > 0
+    assert report["tags"]["oak"]
+    names = {file.name for file in (folder / "new").iterdir()}
+    assert {"truss.step", "design.npz", "edits.toml", "sheets.step"} <= names
+    little = OutputSection(formats=(), preview=False)
+    deliver_edit(folder / "new", folder / "back", {"entasis": 0.3}, undo=3, output=little)
+    assert len(load_edits(folder / "back/design.npz")) == 0
+    assert json.loads((folder / "back/report.json").read_text())["knobs"]["radius"] == 0.7
+
+
+@pytest.mark.parametrize(
+    ("design", "options", "message"),
+    [
+        ("none.npz", {}, "no design file"),
+        ("design.npz", {"changes": {"radius": "thick"}}, "radius: Input should be a valid number"),
+        ("design.npz", {"changes": {"every": 400, "offset": 100}}, "no curve is left"),
+        ("design.npz", {"undo": 2}, "cannot undo 2 edits: there are 0"),
+        ("design.npz", {"script": "none.toml"}, "cannot be read"),
+    ],
+)
+def test_mistakes_are_one_message_and_leave_nothing(folder, design, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        deliver_edit(folder / design, folder / "failed", **options)
+    assert not (folder / "failed").exists()
+
+
+def test_the_command_says_what_is_wrong_and_leaves_nothing(folder):
+    done = run("edit", "design.npz", "--radiu", "1", "--out", "failed", cwd=folder)
+    assert done.returncode == 2
+    assert "did you mean radius" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (folder / "failed").exists()
+
+
+def test_the_folder_of_the_design_itself_is_refused(folder):
+    with pytest.raises(InvalidInputError, match="stays as it is"):
+        deliver_edit(folder / "design.npz", folder, force=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["x"], "unexpected 'x'"), (["--radius"], "--radius needs a value"), (["--widht=3"], "unknown option or knob")],
+)
+def test_bad_options_are_refused(arguments, message):
+    with pytest.raises(InvalidInputError, match=message):
+        read_knob_options(arguments, [])
+    with pytest.raises(InvalidInputError, match="name=value"):
+        read_knob_options([], ["radius"])
+
+
+def test_options_are_the_knobs_of_the_schema(folder):
+    arguments = [text for name in Knobs.model_fields for text in (f"--{name.replace('_', '-')}", "1")]
+    assert set(read_knob_options(arguments, [])) == set(Knobs.model_fields)
+    assert read_knob_options(["--every", "2,1,1"], ["family=third"]) == {"family": "third", "every": (2, 1, 1)}
+    shown = run("knobs", cwd=folder).stdout
+    for name in Knobs.model_fields:
+        assert name in shown
