@@ -29,7 +29,10 @@ REACH = 1.0
 
 
 class Join(Edit):
-    """The truss of another design, with its own knobs and edits, joined to this one."""
+    """The truss of another design, with its own knobs and edits, joined to this one.
+
+    Its curves are chosen and edited as its own file says; radii, tags, sheets and attachments are those of this design.
+    """
 
     do: Literal["join"] = "join"
     design: str = Field(description="The other design file, in the same coordinates.")

@@ -244,15 +244,15 @@ def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed):
 def test_an_edited_truss_is_still_one_valid_solid():
     nodes = BAR.truss.nodes
     ends = [tuple(nodes[np.argmin(np.linalg.norm(nodes - x, axis=1))].tolist()) for x in ([35, 15, 15], [50, 25, 30])]
-    structure = edited(
+    edits = (
         Thin(where=Family("third"), every=2),
         Remove(where=Near((40, 20, 40), 8) & Family("compression")),
         AddStrut(between=(ends[0], ends[1])),
         Radius(where=Family("tension"), times=1.3),
         Entasis(where=Family("compression"), to=0.4),
     )
-    sized = size_structure(structure)
-    report = build_solid(sized, structure.knobs).report
+    structure = EditList(edits).replay(BAR, Knobs(radius=0.7))
+    report = build_solid(size_structure(structure), structure.knobs).report
     assert report.valid
     assert report.genus == report.expected_genus
 
