@@ -203,12 +203,9 @@ class OutputSection(BaseModel):
     model_config = _STRICT
     formats: tuple[FormatName, ...] = Field(
         default=("step", "stl"),
-        description="Files of the solid: truss.step, truss.stl, truss.3mf, truss.beams.3mf (the members as a lattice "
-        "of beams), truss.glb (for viewing), truss.brep.",
+        description="Files of the solid; 3mf-beams has the members as a lattice of beams, glb is for viewing.",
     )
-    step_form: StepForm = Field(
-        default="solid", description="solid: one solid; assembly: one for each curve and each node, under families."
-    )
+    step_form: StepForm = Field(default="solid", description="solid: one; assembly: one per curve and per node.")
     step_schema: StepSchema = Field(default="AP214", description="Schema of the STEP file.")
     pcurves: Switch = Field(default=False, description="Write STEP with the edges in the parameters of their faces.")
     brep_binary: Switch = Field(default=False, description="Write BREP in binary, not as text.")
@@ -217,9 +214,9 @@ class OutputSection(BaseModel):
     @field_validator("formats")
     @classmethod
     def _each_once(cls, value: tuple[FormatName, ...]) -> tuple[FormatName, ...]:
-        if len(set(value)) != len(value):
-            raise ValueError(f"expected every format at most once, found {', '.join(value)}")
-        return value
+        if len(set(value)) == len(value):
+            return value
+        raise ValueError(f"expected every format at most once, found {', '.join(value)}")
 
     @property
     def options(self) -> ExportOptions:
