@@ -26,7 +26,7 @@ from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss
 
-LARGEST_VOLUME_DIFFERENCE = 5e-3
+LARGEST_VOLUME_DIFFERENCE = 2e-3
 """Between the solid and its direct mesh (relative); the two agree within 1e-3 unless something is wrong."""
 
 KERNEL_TRIES = 6
