@@ -156,3 +156,12 @@ def test_loads_need_a_region_and_an_axis():
         surface_torque(MESH, side(MESH, 0, 8), 1.0, np.zeros(3), np.zeros(3))
     with pytest.raises(InvalidInputError, match="zero vector"):
         self_weight(MESH, 1.0, np.zeros(3))
+
+
+def test_anchored_are_the_held_and_the_loaded_vertices_but_not_those_with_weight() -> None:
+    problem = cantilever((4, 2, 2))
+    ends = np.isin(problem.mesh.vertices[:, 0], (0.0, 80.0))
+    assert (problem.anchored == ends).all()
+    weight = LoadCase("weight", np.ones_like(problem.load_cases[0].force))
+    both = DesignProblem(problem.mesh, ABS, problem.fixed, (*problem.load_cases, weight))
+    assert (both.anchored == ends).all()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from michell_cad.cad.layout import Layout, start_layout
+from michell_cad.cad.layout import Layout, shake, start_layout
 from michell_cad.truss import SizedTruss
 
 
@@ -19,6 +19,9 @@ def carry_over(old: Layout, sized: SizedTruss, number: np.ndarray) -> Layout:
     growth = np.ones(len(sized.truss.nodes))
     np.maximum.at(growth, number[there], old.growth[there])
     new = start_layout(sized, old.knobs, growth, known=old)
+    shakes = np.zeros(len(growth), int)
+    np.maximum.at(shakes, number[there], old.shakes[there])
+    shake(new, shakes)
     was, now = _match_members(old, new, number)
     ends_was, ends_now = (np.stack([2 * m, 2 * m + 1], axis=1).ravel() for m in (was, now))
     new.aim[ends_now], new.lift[ends_now] = old.aim[ends_was], old.lift[ends_was]

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from michell_cad.cad.centerlines import Centerlines, points_at, sample_splines
+from michell_cad.cad.centerlines import SMOOTHINGS, Centerlines, points_at, sample_splines, smooth_curves
 from michell_cad.cad.mitres import Mitre
 from michell_cad.cad.nodes import CREASE_CLEARANCE, NodeSizes, angles_between, node_levels, size_nodes
 from michell_cad.cad.spheres import Seams, no_seams
@@ -55,6 +55,12 @@ AIM_STEPS = 1.15 ** np.arange(1, 17)
 AIM_SPARE = np.radians(0.5)
 """More than the angle that they need, radians."""
 
+SHAKE = 1.06
+"""Spheres of nodes that the kernel finds faulty grow by this factor, each time (relative)."""
+
+STRAIGHTENED = 4
+"""Members of a node that was faulty so often become straight."""
+
 NUDGE = np.radians(0.7)
 """Directions of creased members in special position are turned by multiples of this angle."""
 
@@ -67,7 +73,7 @@ class Layout:
     an end aims, mm, `lift` (n_e,) the least that it must; `smoothed` (n_m,) counts the `SMOOTHINGS`. `level`, `growth`,
     `nudges` (n_n,) are the means tried at nodes. `stale` (n_n,) are nodes to be sized again, `unfit` (n_m,) tubes to be
     fitted again, `unturned` (n_m,) tubes whose angle 0 is to be chosen, `unplaced` (n_n,) nodes whose seams are to be
-    placed again.
+    placed again. `shakes` (n_n,) counts how often the kernel found a node faulty.
     """
 
     sized: SizedTruss
@@ -90,6 +96,7 @@ class Layout:
     unfit: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     unturned: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     unplaced: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    shakes: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
 
     def __post_init__(self) -> None:
         self.node = self.sized.truss.members.ravel()
@@ -175,7 +182,22 @@ def start_layout(
         unfit=np.ones(n_m, bool),
         unturned=np.zeros(n_m, bool),
         unplaced=used.copy(),
+        shakes=zeros(n_n, int),
     )
+
+
+def shake(layout: Layout, times: np.ndarray) -> None:
+    """Lay out nodes that the kernel found faulty so many times (n_n,) in another way each time.
+
+    Their spheres grow a bit; from the second time on their members are also turned a little and their fillets smaller,
+    and at last the members are straight.
+    """
+    layout.shakes = times
+    layout.growth = np.maximum(layout.growth, SHAKE**times)
+    layout.nudges, layout.level = times // 2, np.minimum(times // 2, layout.last)
+    straight = np.flatnonzero((times[layout.sized.truss.members] >= STRAIGHTENED).any(1))
+    layout.smoothed[straight] = len(SMOOTHINGS)
+    layout.points[straight] = smooth_curves(layout.design.points[straight], layout.smoothed[straight])
 
 
 def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:

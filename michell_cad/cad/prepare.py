@@ -17,7 +17,7 @@ import numpy as np
 from michell_cad.cad.carry import carry_over
 from michell_cad.cad.centerlines import SMOOTHINGS
 from michell_cad.cad.clearance import crossing_spheres, resolve_crossings
-from michell_cad.cad.layout import Layout, lower_levels, settle, start_layout
+from michell_cad.cad.layout import Layout, lower_levels, settle, shake, start_layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes
 from michell_cad.cad.placement import place
@@ -35,9 +35,6 @@ CROSSING_ROUNDS = 10
 
 SHORT = 2.5
 """A member shorter than this has its nodes merged, not its rivals rerouted (relative to the radius of its ends)."""
-
-SHAKE = 1.06
-"""Spheres of nodes that the kernel finds faulty grow by this factor (relative)."""
 
 WIDE = 0.75
 """Members are rerouted only if their far ends are nearer than this (relative to the longer one; at 44 degrees)."""
@@ -60,7 +57,7 @@ def prepare_truss(
     sized : the truss with its radii.
     knobs : node_ratio and fillet_ratio are used.
     progress : told the fraction of the work done.
-    previous, shaken : to go on from an earlier result in which these nodes came out invalid: their spheres grow a bit.
+    previous, shaken : to go on from an earlier result in which these nodes came out invalid, see `shake`.
 
     Raises
     ------
@@ -70,9 +67,10 @@ def prepare_truss(
     current = sized if previous is None else previous.sized
     n_n = len(current.truss.nodes)
     changes = Changes(np.zeros(n_n, bool), 0, 0, 0, len(sized.truss.members)) if previous is None else previous.changes
-    growth = np.ones(n_n) if previous is None else np.array(previous.growth)
-    growth[list(shaken)] *= SHAKE
-    layout = start_layout(current, knobs, growth)
+    times = np.zeros(n_n, int) if previous is None else np.array(previous.shakes)
+    times[list(shaken)] += 1
+    layout = start_layout(current, knobs)
+    shake(layout, times)
     crossing_rounds = 0
     for round_number in range(MAX_ROUNDS):
         prepared, trouble = _lay_out(layout, changes)
@@ -179,7 +177,7 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
         mitres=mitres,
         seams=layout.all_seams(),
         changes=changes,
-        growth=layout.growth.copy(),
+        shakes=layout.shakes,
         fallback_nodes={kind: int(mask.sum()) for kind, mask in counts.items() if mask.any()},
         creased_nodes=int((creased & ~sharp).sum()),
         raised_nodes=int((used & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),

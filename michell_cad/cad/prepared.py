@@ -66,7 +66,7 @@ class PreparedTruss:
     mitres : per mitred node.
     seams : per node.
     changes : what was changed in the truss itself.
-    growth : (n_n,) float, factors by which the spheres had to grow.
+    shakes : (n_n,) int, how often the kernel found each node faulty before it was laid out like this.
     fallback_nodes : nodes not built by the direct way, by kind.
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
@@ -84,7 +84,7 @@ class PreparedTruss:
     mitres: Mapping[int, NodeMitre]
     seams: Seams
     changes: Changes
-    growth: Float[np.ndarray, " n_n"]
+    shakes: Int[np.ndarray, " n_n"]
     fallback_nodes: Mapping[str, int]
     creased_nodes: int
     raised_nodes: int

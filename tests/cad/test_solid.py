@@ -230,6 +230,30 @@ def test_gates_trip(monkeypatch, name, broken, message) -> None:
         build_solid(star(AXES[:2]), Knobs())
 
 
+@pytest.mark.parametrize("times", [1, 2, 3, 5])
+def test_nodes_that_the_kernel_finds_faulty_are_laid_out_in_another_way(monkeypatch, times) -> None:
+    """Larger spheres first, then other directions and smaller fillets as well, straight members at last."""
+    truss, real, calls = sized(grid_truss((3, 3, 2), warp=0.15), 0.8), kernel.faulty_faces, []
+    first = build_solid(truss, Knobs()).prepared
+
+    def faulty(solid, faces):
+        calls.append(len(faces))
+        return [0] if len(calls) <= times else real(solid, faces)
+
+    monkeypatch.setattr(kernel, "faulty_faces", faulty)
+    solid = build_solid(truss, Knobs())
+    shaken = np.flatnonzero(solid.prepared.shakes)
+    assert (solid.prepared.shakes[shaken] == times).all()
+    assert 1 <= len(shaken) <= 2
+    assert (solid.prepared.sizes.radius[shaken] != first.sizes.radius[shaken]).all()
+    mine = np.isin(solid.prepared.node_of_end, shaken)
+    turned = np.linalg.norm(solid.prepared.directions - first.directions, axis=1)
+    assert (turned[mine] > np.radians(0.2)).all() == (times > 1)
+    assert (solid.prepared.sizes.fillet[mine] < 0.9 * first.sizes.fillet[mine]).all() == (times > 1)
+    assert (solid.report.straightened_members > 0) == (times >= 4)
+    assert (turned < 1e-12).sum() > 0.5 * len(turned)
+
+
 kernel_volume = kernel.volume
 
 
