@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from michell_cad.cad import (
         ExportOptions,
+        KeptSolid,
         TrussSolid,
         build_solid,
         export_3mf,
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
         export_step,
         export_stl,
         forecast_step,
+        keep_material,
+        kept_shape,
         resolve_radius,
+        unite,
     )
     from michell_cad.delivery import deliver_job, design_job, design_options
     from michell_cad.delivery_edit import deliver_edit
@@ -47,6 +51,7 @@ _HOME = {
     "GeometryKernelError": "errors",
     "InvalidInputError": "errors",
     "Job": "job",
+    "KeptSolid": "cad",
     "Knobs": "knobs",
     "LoadCase": "problem",
     "Material": "problem",
@@ -75,6 +80,8 @@ _HOME = {
     "export_step": "cad",
     "export_stl": "cad",
     "forecast_step": "cad",
+    "keep_material": "cad",
+    "kept_shape": "cad",
     "load_design": "design_file",
     "load_edits": "design_file",
     "open_structure": "design_file",
@@ -86,6 +93,7 @@ _HOME = {
     "resolve_radius": "cad",
     "save_design": "design_file",
     "size_structure": "edits",
+    "unite": "cad",
     "write_script": "edits",
 }
 
@@ -99,6 +107,7 @@ __all__ = [
     "GeometryKernelError",
     "InvalidInputError",
     "Job",
+    "KeptSolid",
     "Knobs",
     "LoadCase",
     "Material",
@@ -127,6 +136,8 @@ __all__ = [
     "export_step",
     "export_stl",
     "forecast_step",
+    "keep_material",
+    "kept_shape",
     "load_design",
     "load_edits",
     "open_structure",
@@ -138,6 +149,7 @@ __all__ = [
     "resolve_radius",
     "save_design",
     "size_structure",
+    "unite",
     "write_script",
 ]
 

@@ -5,21 +5,25 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from michell_cad.cad import (
+    KeptSolid,
     TrussSolid,
     build_solid,
     export_solid,
     file_name,
     forecast_step,
+    keep_material,
     resolve_radius,
+    unite,
 )
 from michell_cad.design_file import save_design
-from michell_cad.domain import Part, mesh_outline, read_outline
+from michell_cad.domain import Outline, Part, mesh_outline, read_outline
 from michell_cad.edits import (
     NO_EDITS,
     Attach,
@@ -34,7 +38,7 @@ from michell_cad.edits import (
 )
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_folder
-from michell_cad.job import Job, OutputSection, build_problem, read_job
+from michell_cad.job import Job, OutputSection, Setup, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.picture import ShownMesh, render_truss
@@ -83,11 +87,12 @@ def deliver_job(
     with _timed("mesh", times, progress):
         part = _read_part(job, cache)
         problem = build_problem(job, part)
+        kept = kept_materials(job, part)
     result = design(problem, design_options(job), progress, cache)
     times.extend(result.times)
     with writing_folder(folder) as partial:
         structure = NO_EDITS.replay(result, job.knobs)
-        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
+        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress, kept)
     return report
 
 
@@ -125,6 +130,20 @@ def design_options(job: Job) -> DesignOptions:
     )
 
 
+def kept_materials(job: Setup, part: Outline | Part) -> list[KeptSolid]:
+    """What the `[[keep]]` tables of a job keep of its part.
+
+    Raises
+    ------
+    InvalidInputError, GeometryKernelError
+        As `keep_material`; the message begins with "keep" and the number of the table.
+    """
+    return [
+        keep_material(part, keep, keep.depth, keep.clearance or keep.depth, f"keep {number}")
+        for number, keep in enumerate(job.keep, 1)
+    ]
+
+
 def write_results(
     folder: Path,
     structure: Structure,
@@ -133,6 +152,7 @@ def write_results(
     up: int,
     times: list[StageTime],
     progress: Progress,
+    kept: Sequence[KeptSolid] = (),
 ) -> dict[str, Any]:
     """Build a structure and write all files; returns the report.
 
@@ -145,10 +165,14 @@ def write_results(
     up : axis that points up in pictures.
     times : of the stages that were run so far.
     progress : called with the name of a stage and the finished fraction of it.
+    kept : solids to unite with the truss.
     """
     result, mesh = structure.design, structure.whole_mesh
     with _timed("solid", times, progress):
         solid, knobs = build_structure(structure, progress)
+    if kept:
+        with _timed("keep", times, progress):
+            solid = unite(solid, kept, lambda fraction: progress("keep", fraction))
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
@@ -235,6 +259,7 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
         "curve_deviation_mm": r.curve_deviation_mm,
         "members_off_curve": r.members_off_curve,
         "design_gap_mm": r.design_gap_mm,
+        "kept": None if r.kept is None else asdict(r.kept),
     }
 
 

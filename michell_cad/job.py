@@ -154,6 +154,22 @@ class Load(Region):
         return self
 
 
+class Keep(Region):
+    """Material of the part that stays solid, beside some of its faces."""
+
+    depth: Positive = Field(description="Thickness of what is kept, mm, inward from the faces.")
+    clearance: Positive | None = Field(
+        default=None,
+        description="How far the room in front of the faces stays free of members, mm; default: as far as the depth.",
+    )
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> "Keep":
+        if all(getattr(self, key) is None for key in REGION_KEYS):
+            raise ValueError(f"say where: give one of {', '.join(REGION_KEYS)}")
+        return self
+
+
 class CasesSection(BaseModel):
     """How several load cases make one design."""
 
@@ -232,6 +248,7 @@ class Setup(BaseModel):
     material: MaterialSection = MaterialSection()
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
+    keep: tuple[Keep, ...] = ()
     cases: CasesSection = CasesSection()
     options: Options = Options()
     knobs: Knobs = Knobs()
@@ -308,7 +325,7 @@ def _explain(error: ValidationError, name: str, data: Mapping[str, Any]) -> str:
             text = "is missing" if where == list(item["loc"]) else "has too few entries"
         elif kind in ("value_error", "assertion_error"):
             text = item["msg"].removeprefix("Value error, ")
-        elif kind == "tuple_type" and where in (["support"], ["load"]):
+        elif kind == "tuple_type" and where in (["support"], ["load"], ["keep"]):
             text = f"write [[{where[0]}]], with two brackets: there may be several"
         else:
             text = "expected " + _EXPECTED.get(kind, item["msg"].removeprefix("Input should be "))
@@ -372,7 +389,7 @@ def _spell(where: tuple) -> str:
     if not where:
         return ""
     table, rest = where[0], list(where[1:])
-    if rest and isinstance(rest[0], int) and table in ("support", "load"):
+    if rest and isinstance(rest[0], int) and table in ("support", "load", "keep"):
         text = f"[[{table}]] {rest.pop(0) + 1}"
         separator = ": "
     else:

@@ -293,7 +293,8 @@ def run_job(folder: Path, problem: DesignProblem | None, mesh: TetMesh, resoluti
         arrays |= {"fixed": low, "force": np.where(low[:, None], 0, [[0.0, 0, -1.0]])}
     np.savez(folder / "part.npz", **arrays)
     (folder / "job.toml").write_text(
-        f'[part]\nfile = "part.npz"\n[options]\nresolution = {resolution}\n[output]\nformats = ["stl"]\npreview = false\n'
+        f'[part]\nfile = "part.npz"\n[options]\nresolution = {resolution}\n'
+        '[output]\nformats = ["stl"]\npreview = false\n'
     )
     command = [sys.executable, "-m", "michell_cad.cli", "design", "job.toml", "--out", "results"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)

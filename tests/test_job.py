@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from shapes import box_mesh
 
-from michell_cad.domain import Part, part_from_tets, read_part
+from michell_cad.cad import kernel
+from michell_cad.delivery import kept_materials
+from michell_cad.domain import Part, part_from_tets, read_outline, read_part
 from michell_cad.errors import InvalidInputError
 from michell_cad.job import (
     Job,
@@ -150,6 +152,35 @@ def test_choice_of_material():
 
 
 # --- reading ---------------------------------------------------------------------------------------------------------
+
+
+def test_keep_tables_keep_material_of_the_part():
+    part = read_outline(EXAMPLES / "bracket.step")
+    job = parse_job({**PART, "keep": [{"faces": ["%CYLINDER", "<Z"], "depth": 4.0}]})
+    (kept,) = kept_materials(job, part)
+    # Four holes of radius 4.5 in a plate of 14 mm.
+    assert sum(map(kernel.volume, kept.solids)) == pytest.approx(4 * np.pi * (8.5**2 - 4.5**2) * 14, rel=1e-6)
+    assert kept.name == "keep 1"
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"faces": ">Z", "depth": 0.0}, "depth: .*greater than 0"),
+        ({"faces": ">Z"}, "depth: is missing"),
+        ({"depth": 1.0}, "say where"),
+        ({"faces": ">Z", "deph": 1.0, "depth": 1.0}, "did you mean depth"),
+    ],
+)
+def test_bad_keep_tables(table, message):
+    with pytest.raises(InvalidInputError, match=r"\[\[keep\]\] 1.*" + message):
+        parse_job({**PART, "keep": [table]})
+
+
+def test_meshes_have_no_material_to_keep(bar):
+    job = parse_job({**PART, "keep": [{**HELD, "depth": 1.0}]})
+    with pytest.raises(InvalidInputError, match="keep 1: bar is a mesh without CAD faces"):
+        kept_materials(job, bar)
 
 
 @pytest.mark.parametrize("name", ["bracket", "cantilever", "quadcopter"])

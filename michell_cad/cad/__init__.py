@@ -1,7 +1,7 @@
 """The truss as CAD geometry: node spheres, fillets and tubes as one closed shell, its direct mesh, and their files.
 
-Arrays until the last step: only `kernel.py` and `kernel_files.py` import the CAD kernel (OCP), and only when a solid is
-made or written.
+Arrays until the last step: only the files `kernel*.py` import the CAD kernel (OCP), and only when a solid is made or
+written.
 """
 
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
@@ -10,17 +10,19 @@ from michell_cad.cad.brep import export_brep
 from michell_cad.cad.clearance import Crossings, crossing_members
 from michell_cad.cad.formats import FORMATS, ExportOptions, FormatName, export_solid, file_name, format_of
 from michell_cad.cad.glb import export_glb
+from michell_cad.cad.keep import KeptSolid, keep_material, kept_shape
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.preview import PreviewMesh, preview_truss
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import SolidReport, TrussSolid, build_solid, curve_of_part
+from michell_cad.cad.solid import KeptReport, SolidReport, TrussSolid, build_solid, curve_of_part
 from michell_cad.cad.step import StepForm, StepSchema, export_step, forecast_step, read_step_summary
 from michell_cad.cad.stl import export_stl
 from michell_cad.cad.target_volume import resolve_radius
 from michell_cad.cad.threemf import export_3mf
+from michell_cad.cad.unite import unite
 
 __all__ = [
     "COLOURS",
@@ -31,6 +33,8 @@ __all__ = [
     "ExportOptions",
     "FaceRole",
     "FormatName",
+    "KeptReport",
+    "KeptSolid",
     "PreparedTruss",
     "PreviewMesh",
     "SolidReport",
@@ -52,10 +56,13 @@ __all__ = [
     "file_name",
     "forecast_step",
     "format_of",
+    "keep_material",
+    "kept_shape",
     "mesh_truss",
     "prepare_truss",
     "preview_truss",
     "read_step_summary",
     "resolve_radius",
     "sample_beams",
+    "unite",
 ]

@@ -1,4 +1,4 @@
-"""The CAD kernel (Open CASCADE through OCP); only this file and `kernel_files.py` touch it.
+"""The CAD kernel (Open CASCADE through OCP): only this file and its neighbours `kernel_*.py` touch it.
 
 Shapes are made from the tables of a `ShellPlan` by the lowest-level builder, without booleans and without sewing.
 """
@@ -314,6 +314,11 @@ def is_valid(shape: Any) -> bool:
     return BRepCheck_Analyzer(shape).IsValid()
 
 
+def is_closed(solid: Any) -> bool:
+    """Whether the faces of a solid fit together; what they look like inside is not checked again."""
+    return BRepCheck_Analyzer(solid, False).IsValid()
+
+
 def faulty_faces(solid: Any, faces: Sequence[Any]) -> list[int] | None:
     """Which of its faces make a solid invalid, perhaps none of them alone; None if the solid is valid."""
     check = BRepCheck_Analyzer(solid, True, True)  # geometric checks, on all processors
@@ -358,7 +363,9 @@ def as_build123d(solids: Sequence[Any]) -> Any:
     """A build123d Solid, or a Compound of several. (`Part` around a kernel solid would have the volume 0.)"""
     import build123d
 
-    return build123d.Solid(solids[0]) if len(solids) == 1 else build123d.Compound(compound(solids))
+    result = build123d.Solid(solids[0]) if len(solids) == 1 else build123d.Compound(compound(solids))
+    result.label = "truss"
+    return result
 
 
 def as_cadquery(solids: Sequence[Any]) -> Any:
@@ -367,6 +374,21 @@ def as_cadquery(solids: Sequence[Any]) -> Any:
 
     workplane = cadquery.Workplane("XY")
     return workplane.newObject([cadquery.Solid(solid) for solid in solids])
+
+
+def as_cadquery_assembly(
+    solids: Sequence[Any], faces: Sequence[tuple[Any, int, str, tuple[float, float, float]]]
+) -> Any:
+    """A CadQuery Assembly of the solids, with names and colours for faces (of solid number n)."""
+    import cadquery
+
+    whole = cadquery.Assembly(name="truss")
+    for number, solid in enumerate(solids):
+        whole.add(cadquery.Solid(solid), name=f"truss {number + 1}")
+    parts = [whole.objects[f"truss {number + 1}"] for number in range(len(solids))]
+    for face, number, name, colour in faces:
+        parts[number].addSubshape(cadquery.Face(face), name=name, color=cadquery.Color(*colour))
+    return whole
 
 
 def explore(shape: Any, kind: Any) -> Iterator[Any]:

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from michell_cad.cad.palette import GROUPS, NODES
+from michell_cad.cad.palette import GROUPS, KEPT, NODES
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import TrussSolid, curve_of_part
@@ -23,9 +23,11 @@ def closed_bodies(solid: TrussSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
     """Triangles of closed bodies: the tubes of each family, and the nodes with their fillets.
 
     Between a tube and a node both get the same plane polygon, so that the bodies touch, do not overlap, and have the
-    volume of the whole between them.
+    volume of the whole between them. A truss that is united with kept solids is one body, in their group.
     """
     mesh = solid.mesh
+    if solid.report.kept is not None:
+        return {KEPT: mesh.triangles}
     is_tube = mesh.role == FaceRole.MEMBER
     tubes = mesh.triangles[is_tube]
     group = _group_numbers(solid.prepared, mesh.role[is_tube], mesh.owner[is_tube])
@@ -49,7 +51,7 @@ def own_vertices(
 def _group_numbers(prepared: PreparedTruss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Index into `GROUPS` of each triangle."""
     families = np.array([GROUPS.index(curve.family) for curve in prepared.sized.truss.curves] + [GROUPS.index(NODES)])
-    return families[curve_of_part(prepared, role, owner)]
+    return np.where(role == FaceRole.KEPT, GROUPS.index(KEPT), families[curve_of_part(prepared, role, owner)])
 
 
 def _split(triangles: np.ndarray, group: np.ndarray) -> dict[str, np.ndarray]:

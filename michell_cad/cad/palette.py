@@ -9,17 +9,21 @@ _BYTES = {
     "feature": (153, 153, 153),
     "added": (204, 121, 167),
     "node": (204, 204, 204),
+    "kept": (240, 228, 66),
 }
 
 COLOURS: dict[str, tuple[float, float, float]] = {
     name: (red / 255, green / 255, blue / 255) for name, (red, green, blue) in _BYTES.items()
 }
-"""sRGB colours of the families (the palette of Okabe and Ito, made for colour-blind eyes) and of the nodes."""
+"""sRGB colours of the families, kept solids (the palette of Okabe and Ito, made for colour-blind eyes) and nodes."""
 
 NODES = "nodes"
 """Name of the group of the nodes, beside the families."""
 
-GROUPS = (*FAMILIES, NODES)
+KEPT = "kept"
+"""Name of the group of the solids that were united with the truss."""
+
+GROUPS = (*FAMILIES, NODES, KEPT)
 """The groups in the order in which files list them."""
 
 

@@ -56,12 +56,13 @@ class PcurveForm(IntEnum):
 
 
 class FaceRole(IntEnum):
-    """What a face is of: its owner is a node, an end of a member (2 m + i), or a member."""
+    """What a face is of: its owner is a node, an end of a member (2 m + i), a member, or a solid that was kept."""
 
     NODE = 0
     FILLET = 1
     MITRE = 2
     MEMBER = 3
+    KEPT = 4
 
 
 @dataclass(frozen=True, eq=False)

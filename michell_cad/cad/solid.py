@@ -38,6 +38,32 @@ NAMED = 5
 
 
 @dataclass(frozen=True)
+class KeptReport:
+    """What was united with a truss.
+
+    Parameters
+    ----------
+    names : of the kept solids.
+    volume_mm3 : of the kept solids together.
+    truss_volume_mm3 : what the truss adds to it: all of it outside of the kept solids and their clearance.
+    faces : faces of the result that come from kept solids or bound their clearance.
+    members_absorbed : members wholly within the kept solids or their clearance, which are gone.
+    members_cut : members that the kernel cut where they enter.
+    plain_nodes : nodes there that have no fillets in the solid, since the kernel cuts them badly; the mesh has them.
+    crumbs_mm3 : volume of pieces that clearances cut off from everything else, which were dropped.
+    """
+
+    names: tuple[str, ...]
+    volume_mm3: float
+    truss_volume_mm3: float
+    faces: int
+    members_absorbed: int
+    members_cut: int
+    plain_nodes: int
+    crumbs_mm3: float
+
+
+@dataclass(frozen=True)
 class SolidReport:
     """Figures of a solid, as the package's reports show them.
 
@@ -61,6 +87,7 @@ class SolidReport:
     members_off_curve : members whose centre line is farther than their radius from it somewhere.
     design_gap_mm : largest distance of a design curve, before any changes, from the nearest centre line.
     messages : one sentence for every kind of change or warning.
+    kept : what was united with the truss; then there is no genus, and `expected_genus` is none either.
     """
 
     valid: bool
@@ -68,8 +95,8 @@ class SolidReport:
     volume_mm3: float
     mesh_volume_mm3: float
     faces: int
-    genus: int
-    expected_genus: int
+    genus: int | None
+    expected_genus: int | None
     nodes: int
     members: int
     filleted_nodes: int
@@ -85,6 +112,7 @@ class SolidReport:
     members_off_curve: int
     design_gap_mm: float
     messages: tuple[str, ...]
+    kept: KeptReport | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,17 +138,32 @@ class TrussSolid:
     solids: tuple[Any, ...] = field(repr=False)
     faces: tuple[Any, ...] = field(repr=False)
 
+    @property
+    def kept_names(self) -> tuple[str, ...]:
+        """Names of the kept solids, by owner of their faces."""
+        return () if self.report.kept is None else self.report.kept.names
+
     def __post_init__(self) -> None:
         freeze(self, face_role=np.int64, face_owner=np.int64, face_component=np.int64)
 
     @cached_property
     def face_curve(self) -> Int[np.ndarray, " n_f"]:
-        """The curve of each face's member; -1 for the faces of nodes."""
+        """The curve of each face's member; -1 for the faces of nodes and of kept solids."""
         return curve_of_part(self.prepared, self.face_role, self.face_owner)
 
     @cached_property
     def assembly(self) -> tuple[AssemblyPart, ...]:
-        """One solid for each bar and each node, built and checked when first asked for."""
+        """One solid for each bar and each node, built and checked when first asked for.
+
+        Raises
+        ------
+        InvalidInputError
+            If the truss has been united with kept solids: the bars that enter them are no parts of their own any more.
+        """
+        require(
+            self.report.kept is None,
+            "a truss that is united with kept solids has no parts: write it as one solid, or without [[keep]]",
+        )
         return build_assembly(self.prepared)
 
     @cached_property
@@ -137,14 +180,26 @@ class TrussSolid:
 
         return kernel.as_cadquery(self.solids)
 
+    @cached_property
+    def cadquery_assembly(self) -> Any:
+        """A CadQuery Assembly whose faces have the names and colours that STEP files give them."""
+        from michell_cad.cad import kernel
+        from michell_cad.cad.step import face_tags
+
+        tags = zip(self.faces, self.face_component.tolist(), face_tags(self), strict=True)
+        return kernel.as_cadquery_assembly(
+            self.solids, [(face, number, name, colour) for face, number, (name, colour, _) in tags]
+        )
+
 
 def curve_of_part(
     prepared: PreparedTruss, role: Int[np.ndarray, " n"], owner: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " n"]:
-    """Number of the curve that faces or triangles belong to, by role and owner; -1 at nodes."""
+    """Number of the curve that faces or triangles belong to, by role and owner; -1 at nodes and on kept solids."""
     curve = prepared.sized.truss.curve_of_member
+    none = (role == FaceRole.NODE) | (role == FaceRole.KEPT)
     member = np.where(role == FaceRole.MEMBER, owner, owner // 2)
-    return np.where(role == FaceRole.NODE, -1, curve[np.where(role == FaceRole.NODE, 0, member)])
+    return np.where(none, -1, curve[np.where(none, 0, member)])
 
 
 def build_solid(

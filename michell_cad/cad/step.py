@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from michell_cad.arrays import require
-from michell_cad.cad.palette import COLOURS, GROUPS, NODES, group_colour
+from michell_cad.cad.palette import COLOURS, GROUPS, KEPT, NODES, group_colour
+from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.step_forecast import forecast_bytes
 from michell_cad.files import path_with_suffix, writing
@@ -108,14 +109,25 @@ def _fill_assembly(document: "StepDocument", solid: TrussSolid) -> None:
         document.add_part(labels[part.group], part.solid, Tag(part.name, group_colour(part.group), part.group))
 
 
+def face_tags(solid: TrussSolid) -> list[tuple[str, tuple[float, float, float], str]]:
+    """Name, colour and layer of each face: of its curve, of its node, or of the kept solid that it belongs to."""
+    of_curve = [(curve.name, COLOURS[curve.family], curve.family) for curve in solid.prepared.sized.truss.curves]
+    of_kept = [(name, COLOURS[KEPT], KEPT) for name in solid.kept_names]
+    tags = []
+    for curve, role, owner in zip(
+        solid.face_curve.tolist(), solid.face_role.tolist(), solid.face_owner.tolist(), strict=True
+    ):
+        if role == FaceRole.KEPT:
+            tags.append(of_kept[owner])
+        else:
+            tags.append(of_curve[curve] if curve >= 0 else (f"node {owner}", COLOURS["node"], NODES))
+    return tags
+
+
 def _face_tags(solid: TrussSolid) -> "list[Tag]":
     from michell_cad.cad.kernel_files import Tag
 
-    of_curve = [Tag(curve.name, COLOURS[curve.family], curve.family) for curve in solid.prepared.sized.truss.curves]
-    return [
-        of_curve[curve] if curve >= 0 else Tag(f"node {owner}", COLOURS["node"], NODES)
-        for curve, owner in zip(solid.face_curve.tolist(), solid.face_owner.tolist(), strict=True)
-    ]
+    return [Tag(*tag) for tag in face_tags(solid)]
 
 
 def _require_known(form: str, schema: str) -> None:
