@@ -66,10 +66,11 @@ class Knob:
         if self.lowest is not None and (value <= self.lowest if self.above else value < self.lowest):
             word = "more than" if self.above else "at least"
         elif self.highest is not None and (value >= self.highest if self.below else value > self.highest):
-            return f"{self.title} is {value:g}{unit}: give {'less than' if self.below else 'at most'} {self.highest:g}{unit}."
+            word = "less than" if self.below else "at most"
         else:
             return None
-        return f"{self.title} is {value:g}{unit}: give {word} {self.lowest:g}{unit}."
+        bound = self.lowest if word in ("more than", "at least") else self.highest
+        return f"{self.title} is {value:g}{unit}: give {word} {bound:g}{unit}."
 
 
 def read_knobs(schema: dict[str, Any] | None = None) -> tuple[Knob, ...]:
@@ -119,7 +120,9 @@ def _resolved(entry: dict[str, Any], definitions: dict[str, Any]) -> dict[str, A
 def _knob(name: str, entry: dict[str, Any]) -> Knob:
     options = entry.get("anyOf", [entry])
     types = {option.get("type") for option in options}
-    choices = [choice for option in options for choice in option.get("enum", [option.get("const")]) if choice is not None]
+    choices = [
+        choice for option in options for choice in option.get("enum", [option.get("const")]) if choice is not None
+    ]
     if types == {"string", "array"} and set(FAMILIES) <= set(choices):
         widget = Widget.FAMILIES
     elif types == {"integer", "array"}:

@@ -1,4 +1,4 @@
-"""Read the layout file `truss.json` of michell_cad: nodes, members with radii, labelled curves with their splines; mm."""
+"""Read the layout file `truss.json` of michell_cad: nodes, members with radii, labelled curves with splines; mm."""
 
 import json
 import math
@@ -88,7 +88,9 @@ def read_layout(path: str | Path) -> Layout:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise LayoutError(f"{path.name} cannot be read: {error}. Choose the truss.json that michell-cad wrote.") from error
+        raise LayoutError(
+            f"{path.name} cannot be read: {error}. Choose the truss.json that michell-cad wrote."
+        ) from error
     return parse_layout(text, path.name)
 
 
@@ -98,7 +100,8 @@ def parse_layout(text: str, name: str) -> Layout:
         data = json.loads(text)
     except ValueError as error:
         raise LayoutError(
-            f"{name} is damaged or no layout file ({error}). Choose the truss.json that michell-cad wrote, or write it again."
+            f"{name} is damaged or no layout file ({error}). Choose the truss.json that michell-cad wrote, "
+            "or write it again."
         ) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise LayoutError(f"{name} is not a truss layout. Choose the truss.json that michell-cad wrote.")
@@ -106,7 +109,8 @@ def parse_layout(text: str, name: str) -> Layout:
     if not isinstance(version, int) or version > NEWEST_VERSION:
         raise LayoutError(
             f"{name} was written by a newer michell_cad (layout version {version}; this add-in reads up to version "
-            f"{NEWEST_VERSION}). Install the add-in that came with that michell_cad, or write the layout with an older one."
+            f"{NEWEST_VERSION}). Install the add-in that came with that michell_cad, or write the layout with an older "
+            "one."
         )
     if data.get("units") != {"length": "mm"}:
         raise LayoutError(f"{name} gives lengths in {data.get('units')}; this add-in reads millimetres only.")

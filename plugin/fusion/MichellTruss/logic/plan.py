@@ -8,6 +8,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from .layout import Layout, LayoutError, Vector
 from .selection import SAME_RADIUS, Chosen, chord_fractions, entasis_weight
@@ -24,6 +25,10 @@ edit in Fusion; it was not measured here."""
 
 _PER_SECTION, _PER_TUBE = 2, 2
 """Timeline entries: plane and sketch of each section; sketch of the path and the sweep or loft of each tube."""
+
+
+class TooLargeError(LayoutError):
+    """A plan with more features than the host handles well; the STEP of the whole model is the way out."""
 
 
 @dataclass(frozen=True)
@@ -117,14 +122,14 @@ def refuse_too_large(plan: Plan) -> None:
 
     Raises
     ------
-    LayoutError
+    TooLargeError
         If the plan has more than `LARGEST_TIMELINE` entries; the text offers the STEP file.
     """
     if plan.timeline_entries > LARGEST_TIMELINE:
-        raise LayoutError(
-            f"This truss would become {len(plan.tubes):,} bodies and about {plan.timeline_entries:,} timeline entries, "
-            f"more than the {LARGEST_TIMELINE:,} that Fusion handles well. Choose a family or a larger 'every', or import "
-            "the STEP file that michell-cad wrote beside the layout (Import Truss STEP)."
+        raise TooLargeError(
+            f"This truss would become {len(plan.tubes):,} bodies and about {plan.timeline_entries:,} timeline "
+            f"entries, more than the {LARGEST_TIMELINE:,} that Fusion handles well. Choose a family or a larger 'every', "
+            "or import the STEP file that michell-cad wrote beside the layout (Import Truss STEP)."
         )
 
 
@@ -145,9 +150,7 @@ def _curve_tubes(layout: Layout, chosen: Chosen, number: int, owner: dict[int, i
     tubes = []
     for run in _runs(pieces, mine, curve.closed):
         closed = curve.closed and len(run) == len(pieces) and is_smooth(pieces[run[-1]], pieces[run[0]])
-        at_node = [
-            pieces[i].step != pieces[i - 1].step and curve.nodes[pieces[i].step] in stations for i in run[1:]
-        ]
+        at_node = [pieces[i].step != pieces[i - 1].step and curve.nodes[pieces[i].step] in stations for i in run[1:]]
         marks = [0, *(k for k, is_node in enumerate(at_node, start=1) if is_node), len(run)]
         spline = joined(tuple(pieces[i] for i in run))
         tubes.append(
@@ -230,7 +233,7 @@ def _sections(
     before = [sum(piece.length for piece in run[:k]) for k in range(len(run) + 1)]
     between = max(1, math.ceil((SECTIONS - 1) / (len(marks) - 1)))
     lengths = [before[marks[0]]]
-    for a, b in zip(marks, marks[1:], strict=False):
+    for a, b in pairwise(marks):
         lengths += [before[a] + (before[b] - before[a]) * k / between for k in range(1, between + 1)]
     sections = []
     for length in lengths:

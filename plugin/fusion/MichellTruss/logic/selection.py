@@ -6,6 +6,7 @@ The rules are michell_cad's own; the tests compare the two on a real truss.
 import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from .layout import FAMILIES, Curve, Layout, LayoutError
@@ -14,7 +15,7 @@ DEFAULT_RADIUS_RATIO = 0.08
 """Default radius over cell edge, as in michell_cad."""
 
 LARGEST_RADIUS_RATIO = 0.25
-"""Largest radius (entasis included) over cell edge, as in michell_cad: beyond it two nodes leave no tube between them."""
+"""Largest radius (entasis included) over cell edge, as in michell_cad: beyond it no tube is left between two nodes."""
 
 NEED_THE_SOLID = ("volume_fraction", "mass")
 """Knobs whose radius follows from the united solid, which only michell_cad can build."""
@@ -102,8 +103,8 @@ def _radius(layout: Layout, values: dict[str, Any]) -> float | None:
     asked = [name for name in NEED_THE_SOLID if values.get(name)]
     if asked:
         raise LayoutError(
-            f"'{asked[0].replace('_', ' ').capitalize()}' needs the united solid, which Fusion does not build here. Set it "
-            "in michell-cad and draw the new truss.json, or set it to 0 and give a radius."
+            f"'{asked[0].replace('_', ' ').capitalize()}' needs the united solid, which Fusion does not build here. "
+            "Set it in michell-cad and draw the new truss.json, or set it to 0 and give a radius."
         )
     return float(values.get("radius") or DEFAULT_RADIUS_RATIO * layout.spacing)
 
@@ -139,7 +140,7 @@ def chord_fractions(layout: Layout, nodes: tuple[int, ...], curve: int) -> tuple
     if layout.curves[curve].closed:
         return (0.0,) * len(nodes)
     run = [0.0]
-    for a, b in zip(nodes, nodes[1:], strict=False):
+    for a, b in pairwise(nodes):
         run.append(run[-1] + math.dist(layout.nodes[a], layout.nodes[b]))
     return tuple(length / run[-1] for length in run)
 
@@ -224,3 +225,7 @@ def _nodes_for_simple_members(chains: list[list[int]]) -> set[int]:
             inner = chain[1:-1]
             needed.add(inner[len(inner) // 2])
     return needed
+
+
+DRAWN = (*SIZING, "family", "every", "offset", "node_ratio")
+"""Knobs that shape the native bodies; any other knob of the schema shapes only what michell_cad exports."""

@@ -27,7 +27,7 @@ _INTERVALS = 2
 
 @dataclass(frozen=True)
 class Piece:
-    """A cubic Bézier piece: control points in mm, length of its knot interval, and the step of the curve it is part of."""
+    """A cubic Bézier piece: control points in mm, length of its knot interval, and the step of the curve."""
 
     points: tuple[Vector, Vector, Vector, Vector]
     knots: float
@@ -44,9 +44,7 @@ class Piece:
 
     def _derivative(self, t: float) -> Vector:
         u, (a, b, c, d) = 1 - t, self.points
-        x, y, z = (
-            3 * (u * u * (b[i] - a[i]) + 2 * u * t * (c[i] - b[i]) + t * t * (d[i] - c[i])) for i in range(3)
-        )
+        x, y, z = (3 * (u * u * (b[i] - a[i]) + 2 * u * t * (c[i] - b[i]) + t * t * (d[i] - c[i])) for i in range(3))
         return x, y, z
 
     def point_at_length(self, fraction: float) -> Vector:
