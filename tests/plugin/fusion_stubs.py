@@ -88,7 +88,9 @@ def _class(module: str, node: ast.ClassDef) -> Class:
     methods, properties, writable, constants = {}, {}, set(), {}
     for part in node.body:
         if isinstance(part, ast.Assign) and isinstance(part.targets[0], ast.Name):
-            constants[part.targets[0].id] = ast.literal_eval(part.value)
+            value = ast.literal_eval(part.value)
+            if isinstance(value, int):
+                constants[part.targets[0].id] = value
         elif isinstance(part, ast.FunctionDef) and part.name != "__init__":
             decorators = [ast.unparse(decorator) for decorator in part.decorator_list]
             if "property" in decorators:

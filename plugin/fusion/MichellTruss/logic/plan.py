@@ -128,8 +128,8 @@ def refuse_too_large(plan: Plan) -> None:
     if plan.timeline_entries > LARGEST_TIMELINE:
         raise TooLargeError(
             f"This truss would become {len(plan.tubes):,} bodies and about {plan.timeline_entries:,} timeline "
-            f"entries, more than the {LARGEST_TIMELINE:,} that Fusion handles well. Choose a family or a larger 'every', "
-            "or import the STEP file that michell-cad wrote beside the layout (Import Truss STEP)."
+            f"entries, more than the {LARGEST_TIMELINE:,} that Fusion handles well. Choose a family or a larger stride,"
+            " or import the STEP file that michell-cad wrote beside the layout (Import Truss STEP)."
         )
 
 
