@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fusion_layouts import curved_truss, write_layout
+from fusion_layouts import curved_truss, ring_truss, write_layout
 from MichellTruss.logic.isosurface import isosurfaces
 from MichellTruss.logic.knobs import read_knobs
 from MichellTruss.logic.layout import LayoutError, parse_layout, read_layout
@@ -143,6 +143,29 @@ def test_the_plan_covers_every_member_once_in_centimetres(layout):
     assert set(plan.families) == {"tension", "compression", "third", "feature"}
     whole = [tube for tube in plan.tubes if "part" not in tube.name and len(tube.sections) % 2]
     assert max(section.radius for tube in whole for section in tube.sections) == pytest.approx(0.07, rel=0.01)
+
+
+def test_a_closed_curve(tmp_path):
+    """Alone it is one closed tube; shared with another curve it is the arc that is left, across its first node."""
+    sized = michell_apply_knobs(ring_truss(), Knobs())
+    layout = read_layout(write_layout(tmp_path / "truss.json", sized=sized))
+    (ring,) = make_plan(layout, apply_knobs(layout, Knobs(family="third").model_dump(mode="json"))).tubes
+    assert ring.closed
+    assert ring.points[0] == pytest.approx(ring.points[-1])
+    round_ = BSpline(ring.knots, np.array(ring.points), 3)(np.linspace(0, ring.knots[-1], 200))
+    np.testing.assert_allclose(np.linalg.norm(round_, axis=1), 1.0, rtol=0.01)
+    arc, part = make_plan(layout, apply_knobs(layout, Knobs().model_dump(mode="json"))).tubes
+    assert (arc.closed, part.closed) == (False, False)
+    assert (arc.family, part.family) == ("third", "tension")
+    np.testing.assert_allclose([arc.points[0], arc.points[-1]], ring_truss().nodes[[5, 3]] / 10, atol=1e-6)
+    thick = SizedTruss(ring_truss(), np.linspace(0.5, 0.7, 24).reshape(8, 3))
+    layout = read_layout(write_layout(tmp_path / "thick.json", sized=thick))
+    (ring,) = make_plan(layout, apply_knobs(layout, dict(layout.knobs) | {"family": "third"})).tubes
+    assert ring.closed
+    # michell_cad leaves three of its eight nodes, and a section stands between each two.
+    thinner = michell_apply_knobs(ring_truss(), Knobs(family="third")).truss
+    assert len(ring.sections) == 2 * len(thinner.nodes) == 6
+    assert ring.sections[-1].at < 1
 
 
 def test_constant_radius_is_swept_and_nodes_are_spheres(layout):

@@ -8,7 +8,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from .layout import Layout, LayoutError, Vector
 from .selection import SAME_RADIUS, Chosen, chord_fractions, entasis_weight
@@ -229,24 +229,25 @@ def _sections(
     run: list[Piece], starts: list[float], marks: list[int], closed: bool, thickness: Thickness
 ) -> tuple[Section, ...]:
     """Sections at the nodes of a run, and between them where there are few; one only if the radius never changes."""
-    whole = sum(piece.length for piece in run)
-    before = [sum(piece.length for piece in run[:k]) for k in range(len(run) + 1)]
+    before = [0.0, *accumulate(piece.length for piece in run)]
     between = max(1, math.ceil((SECTIONS - 1) / (len(marks) - 1)))
     lengths = [before[marks[0]]]
     for a, b in pairwise(marks):
         lengths += [before[a] + (before[b] - before[a]) * k / between for k in range(1, between + 1)]
+    place = [next((k for k in range(len(run)) if length < before[k + 1]), len(run) - 1) for length in lengths]
+    thick = [thickness(run[i].step, starts[i] + s - before[i]) for i, s in zip(place, lengths, strict=True)]
+    radii = [radius for radius, _ in thick]
+    if max(radii) - min(radii) <= SAME_RADIUS:
+        # One section makes a sweep. The loft of a closed curve returns to its first section by itself.
+        lengths = lengths[:1]
+    elif closed:
+        lengths.pop()
     sections = []
-    for length in lengths:
-        i = next((k for k in range(len(run)) if length < before[k + 1]), len(run) - 1)
-        local = min(1.0, (length - before[i]) / (before[i + 1] - before[i]))
-        radius, weight = thickness(run[i].step, starts[i] + length - before[i])
+    for length, i, (radius, weight) in zip(lengths, place, thick, strict=False):
+        local = min(1.0, (length - before[i]) / run[i].length)
         centre = in_cm(run[i].point_at_length(local))
-        sections.append(Section(length / whole, centre, radius * CM_PER_MM, weight))
-    radii = [section.radius for section in sections]
-    if max(radii) - min(radii) <= SAME_RADIUS * CM_PER_MM:
-        return (sections[0],)
-    # The loft of a closed curve returns to its first section by itself.
-    return tuple(sections[:-1] if closed else sections)
+        sections.append(Section(length / before[-1], centre, radius * CM_PER_MM, weight))
+    return tuple(sections)
 
 
 def _numbered(tubes: list[Tube]) -> list[Tube]:

@@ -24,6 +24,9 @@ _POINTS = tuple((x, w) for a, w in _GAUSS for x in (a, -a))
 _INTERVALS = 2
 """Intervals of a piece over which its speed is integrated."""
 
+_NEWTON_STEPS = 4
+"""Newton steps for the parameter at an arc length: the members are nearly straight, so the first guess is close."""
+
 
 @dataclass(frozen=True)
 class Piece:
@@ -36,33 +39,34 @@ class Piece:
     @cached_property
     def length(self) -> float:
         """Arc length, mm."""
-        total = 0.0
-        for interval in range(_INTERVALS):
-            for x, weight in _POINTS:
-                total += weight * math.hypot(*self._derivative((interval + (1 + x) / 2) / _INTERVALS))
-        return total / (2 * _INTERVALS)
-
-    def _derivative(self, t: float) -> Vector:
-        u, (a, b, c, d) = 1 - t, self.points
-        x, y, z = (3 * (u * u * (b[i] - a[i]) + 2 * u * t * (c[i] - b[i]) + t * t * (d[i] - c[i])) for i in range(3))
-        return x, y, z
+        return self._length_to(1.0)
 
     def point_at_length(self, fraction: float) -> Vector:
-        """The point at a fraction of the arc length, by bisection of the parameter."""
-        if fraction in (0.0, 1.0):
-            return self.points[0 if fraction == 0.0 else 3]
-        goal, low, high = fraction * self.length, 0.0, 1.0
-        for _ in range(40):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.first_part(middle).length < goal else (low, middle)
-        return self.first_part(high).points[3]
+        """The point at a fraction of the arc length."""
+        t = fraction
+        for _ in range(_NEWTON_STEPS):
+            t -= (self._length_to(t) - fraction * self.length) / self._speed(t)
+            t = min(max(t, 0.0), 1.0)
+        u, (a, b, c, d) = 1 - t, self.points
+        x, y, z = (u**3 * a[i] + 3 * u * u * t * b[i] + 3 * u * t * t * c[i] + t**3 * d[i] for i in range(3))
+        return x, y, z
 
-    def first_part(self, t: float) -> "Piece":
-        """The piece from its start to the parameter t (de Casteljau)."""
-        a, b, c, d = self.points
-        ab, bc, cd = _between(a, b, t), _between(b, c, t), _between(c, d, t)
-        abc, bcd = _between(ab, bc, t), _between(bc, cd, t)
-        return Piece((a, ab, abc, _between(abc, bcd, t)), self.knots * t, self.step)
+    def _length_to(self, t: float) -> float:
+        """Arc length from the start to the parameter t."""
+        half = t / (2 * _INTERVALS)
+        return half * sum(
+            weight * self._speed(half * (2 * interval + 1 + x))
+            for interval in range(_INTERVALS)
+            for x, weight in _POINTS
+        )
+
+    def _speed(self, t: float) -> float:
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz) = self.points
+        p, q, r = (1 - t) * (1 - t), 2 * (1 - t) * t, t * t
+        x = p * (bx - ax) + q * (cx - bx) + r * (dx - cx)
+        y = p * (by - ay) + q * (cy - by) + r * (dy - cy)
+        z = p * (bz - az) + q * (cz - bz) + r * (dz - cz)
+        return 3 * math.sqrt(x * x + y * y + z * z)
 
 
 def curve_pieces(layout: Layout, curve: Curve) -> tuple[Piece, ...]:
@@ -90,8 +94,3 @@ def joined(pieces: tuple[Piece, ...]) -> Spline:
         points += piece.points[1:3]
         knots += [knots[-1] + piece.knots] * 2
     return Spline(3, (*knots, knots[-1], knots[-1]), (*points, pieces[-1].points[3]))
-
-
-def _between(a: Vector, b: Vector, t: float) -> Vector:
-    x, y, z = (p + t * (q - p) for p, q in zip(a, b, strict=True))
-    return x, y, z
