@@ -25,7 +25,7 @@ KNOBS = [
     Knobs(),
     Knobs(entasis=0.4),
     Knobs(radius=0.3, every=2),
-    Knobs(every=2, offset=1, entasis=0.5),
+    Knobs(every=3, offset=1, entasis=0.5),
     Knobs(family="tension", entasis=0.5),
     Knobs(family=("tension", "third"), every=(2, 1, 3), offset=(1, 0, 0), entasis=-0.3),
 ]

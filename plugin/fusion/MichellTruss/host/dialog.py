@@ -1,5 +1,7 @@
-"""The dialog of the knobs, after Figure 11 of Arora et al. 2019:
-one widget for each entry of the schema, in its order."""
+"""The dialog of the knobs: one widget for each entry of the schema, in its order.
+
+After the panel in Figure 11 of Arora et al. 2019.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -30,7 +32,9 @@ class KnobDialog:
 
     def say(self, text: str) -> None:
         """Show a text below the widgets."""
-        self._message.formattedText = text
+        # Fusion validates again after a change, and this is called from there.
+        if self._message.formattedText != text:
+            self._message.formattedText = text
 
 
 def _families(inputs: adsk.core.CommandInputs, knob: Knob, value: Any) -> Callable[[], Any]:
