@@ -62,15 +62,16 @@ class Knob:
         return next((text for text in map(self._check_number, numbers) if text), None)
 
     def _check_number(self, value: Any) -> str | None:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            return f"{self.title}: {value!r} is not a number."
         unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.lowest is not None and (value <= self.lowest if self.above else value < self.lowest):
-            word = "more than" if self.above else "at least"
-        elif self.highest is not None and (value >= self.highest if self.below else value > self.highest):
-            word = "less than" if self.below else "at most"
+        if self.lowest is not None and (value < self.lowest or (self.above and value == self.lowest)):
+            rule = f"{'more than' if self.above else 'at least'} {self.lowest:g}{unit}"
+        elif self.highest is not None and (value > self.highest or (self.below and value == self.highest)):
+            rule = f"{'less than' if self.below else 'at most'} {self.highest:g}{unit}"
         else:
             return None
-        bound = self.lowest if word in ("more than", "at least") else self.highest
-        return f"{self.title} is {value:g}{unit}: give {word} {bound:g}{unit}."
+        return f"{self.title} is {value:g}{unit}: give {rule}."
 
 
 def read_knobs(schema: dict[str, Any] | None = None) -> tuple[Knob, ...]:
