@@ -99,6 +99,16 @@ def test_radii_that_no_knob_gives_stand_until_a_size_is_changed(tmp_path):
     assert apply_knobs(layout, values | {"radius": 0.4}).radius == 0.4
 
 
+def test_members_of_one_radius_each_are_swept_one_by_one(tmp_path):
+    plain = michell_apply_knobs(curved_truss(), Knobs())
+    each = np.linspace(0.3, 0.9, len(plain.radii))
+    sized = SizedTruss(plain.truss, np.repeat(each[:, None], 3, axis=1))
+    layout = read_layout(write_layout(tmp_path / "truss.json", sized=sized))
+    tubes = make_plan(layout, apply_knobs(layout, layout.knobs)).tubes
+    assert all(tube.is_sweep for tube in tubes)
+    np.testing.assert_allclose(sorted(tube.sections[0].radius for tube in tubes), each / 10, atol=ROUNDED / 10)
+
+
 def test_volume_and_mass_are_left_to_michell_cad(layout):
     with pytest.raises(LayoutError, match="needs the united solid"):
         apply_knobs(layout, dict(layout.knobs) | {"volume_fraction": 0.1})
@@ -158,7 +168,9 @@ def test_a_closed_curve(tmp_path):
     assert (arc.closed, part.closed) == (False, False)
     assert (arc.family, part.family) == ("third", "tension")
     np.testing.assert_allclose([arc.points[0], arc.points[-1]], ring_truss().nodes[[5, 3]] / 10, atol=1e-6)
-    thick = SizedTruss(ring_truss(), np.linspace(0.5, 0.7, 24).reshape(8, 3))
+    at_node = 0.5 + 0.1 * np.sin(np.arange(8) * np.pi / 8)
+    ends = at_node[ring_truss().members]
+    thick = SizedTruss(ring_truss(), np.stack([ends[:, 0], np.full(8, 0.7), ends[:, 1]], axis=1))
     layout = read_layout(write_layout(tmp_path / "thick.json", sized=thick))
     (ring,) = make_plan(layout, apply_knobs(layout, dict(layout.knobs) | {"family": "third"})).tubes
     assert ring.closed

@@ -147,11 +147,21 @@ def _curve_tubes(layout: Layout, chosen: Chosen, number: int, owner: dict[int, i
     thickness = _thickness(layout, chosen, number, pieces, starts)
     mine = [owner[curve.members[piece.step]] == number for piece in pieces]
     stations = {node for node, _ in chosen.stations[number]}
+
+    def at_node(i: int) -> bool:
+        return pieces[i].step != pieces[i - 1].step and curve.nodes[pieces[i].step] in stations
+
+    def goes_on(i: int) -> bool:
+        """Whether piece i continues the one before it, without a corner and without a jump of the radius."""
+        if not (mine[i] and mine[i - 1] and is_smooth(pieces[i - 1], pieces[i])):
+            return False
+        before = thickness(pieces[i - 1].step, starts[i] if i else starts[-1])[0]
+        return not at_node(i) or abs(thickness(pieces[i].step, starts[i])[0] - before) <= SAME_RADIUS
+
     tubes = []
-    for run in _runs(pieces, mine, curve.closed):
-        closed = curve.closed and len(run) == len(pieces) and is_smooth(pieces[run[-1]], pieces[run[0]])
-        at_node = [pieces[i].step != pieces[i - 1].step and curve.nodes[pieces[i].step] in stations for i in run[1:]]
-        marks = [0, *(k for k, is_node in enumerate(at_node, start=1) if is_node), len(run)]
+    for run in _runs(mine, goes_on, curve.closed):
+        closed = curve.closed and len(run) == len(pieces) and goes_on(run[0])
+        marks = [0, *(k for k, i in enumerate(run) if k and at_node(i)), len(run)]
         spline = joined(tuple(pieces[i] for i in run))
         tubes.append(
             Tube(
@@ -167,21 +177,16 @@ def _curve_tubes(layout: Layout, chosen: Chosen, number: int, owner: dict[int, i
     return _numbered(tubes)
 
 
-def _runs(pieces: tuple[Piece, ...], mine: list[bool], closed: bool) -> list[list[int]]:
-    """Numbers of consecutive pieces of one's own without a corner; those of a closed curve may pass its first node."""
-    n = len(pieces)
-    first = 0
-    if closed:
-        breaks = (i for i in range(n) if not (mine[i] and mine[i - 1] and is_smooth(pieces[i - 1], pieces[i])))
-        first = next(breaks, 0)
+def _runs(mine: list[bool], goes_on: Callable[[int], bool], closed: bool) -> list[list[int]]:
+    """Numbers of one's own pieces that go on into each other; those of a closed curve may pass its first node."""
+    n = len(mine)
+    first = next((i for i in range(n) if not goes_on(i)), 0) if closed else 0
     runs: list[list[int]] = []
-    previous = None
     for i in ((first + k) % n for k in range(n)):
         if mine[i]:
-            if previous is None or not is_smooth(pieces[previous], pieces[i]):
+            if i == first or not goes_on(i):
                 runs.append([])
             runs[-1].append(i)
-        previous = i if mine[i] else None
     return runs
 
 
@@ -230,7 +235,9 @@ def _sections(
 ) -> tuple[Section, ...]:
     """Sections at the nodes of a run, and between them where there are few; one only if the radius never changes."""
     before = [0.0, *accumulate(piece.length for piece in run)]
-    between = max(1, math.ceil((SECTIONS - 1) / (len(marks) - 1)))
+    # A radius of the file may swell in the middle of every member; entasis swells once along the whole curve.
+    least = 2 if thickness(run[0].step, starts[0])[1] is None else 1
+    between = max(least, math.ceil((SECTIONS - 1) / (len(marks) - 1)))
     lengths = [before[marks[0]]]
     for a, b in pairwise(marks):
         lengths += [before[a] + (before[b] - before[a]) * k / between for k in range(1, between + 1)]
