@@ -338,6 +338,19 @@ def test_a_large_layout_offers_the_step_beside_it(session, monkeypatch):
     assert not session.fake.calls("Occurrences.addNewComponent")
 
 
+def test_handlers_live_as_long_as_their_command(session):
+    """Fusion keeps no reference to them; and what a dialog holds must not outlive it."""
+    events = importlib.import_module("MichellTruss.host.events")
+    assert [len(handlers) for handlers in events._alive] == [5]
+    session.choose(write_layout(session.folder / "truss.json"))
+    first, second = session.start(DRAW), session.start(DRAW)
+    assert [len(handlers) for handlers in events._alive] == [5, 4, 4]
+    session.fire(first.destroy, session.fake.new("CommandEventArgs", None))
+    assert [len(handlers) for handlers in events._alive] == [5, 4]
+    session.fire(second.destroy, session.fake.new("CommandEventArgs", None))
+    assert [len(handlers) for handlers in events._alive] == [5]
+
+
 def test_step_of_the_whole_model(session):
     session.choose(session.folder / "model.step")
     args = session.press_ok(session.start(STEP))

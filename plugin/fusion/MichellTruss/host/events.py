@@ -15,7 +15,8 @@ from ..logic.layout import LayoutError
 
 TITLE = "Michell Truss"
 
-_alive: list[adsk.core.EventHandler] = []
+_alive: list[list[adsk.core.EventHandler]] = [[]]
+"""The handlers of the add-in itself, and then those of each open command."""
 
 Args = TypeVar("Args", bound=adsk.core.EventArgs)
 
@@ -26,6 +27,7 @@ class _OnCommandCreated(adsk.core.CommandCreatedEventHandler):
         self._act = act
 
     def notify(self, eventArgs: adsk.core.CommandCreatedEventArgs) -> None:
+        _keep_while_open(eventArgs.command)
         _guarded(self._act, eventArgs)
 
 
@@ -62,21 +64,21 @@ def on_created(
     """Call `act` when the command's dialog is made."""
     handler = _OnCommandCreated(act)
     definition.commandCreated.add(handler)
-    _alive.append(handler)
+    _alive[0].append(handler)
 
 
 def on_command(event: adsk.core.CommandEvent, act: Callable[[adsk.core.CommandEventArgs], None]) -> None:
-    """Call `act` at an event of a command: execute, executePreview, destroy."""
+    """Call `act` at an event of the newest command: execute, executePreview, destroy."""
     handler = _OnCommand(act)
     event.add(handler)
-    _alive.append(handler)
+    _alive[-1].append(handler)
 
 
 def on_validate(event: adsk.core.ValidateInputsEvent, act: Callable[[adsk.core.ValidateInputsEventArgs], None]) -> None:
     """Call `act` when Fusion asks whether the inputs of a dialog are valid."""
     handler = _OnValidate(act)
     event.add(handler)
-    _alive.append(handler)
+    _alive[-1].append(handler)
 
 
 def on_compute(
@@ -85,12 +87,12 @@ def on_compute(
     """Call `act` when a custom feature is computed again."""
     handler = _OnCompute(act)
     definition.customFeatureCompute.add(handler)
-    _alive.append(handler)
+    _alive[0].append(handler)
 
 
 def forget() -> None:
     """Let go of all handlers."""
-    _alive.clear()
+    _alive[:] = [[]]
 
 
 def application() -> adsk.core.Application:
@@ -145,21 +147,33 @@ def show_fault() -> None:
     tell(f"Something went wrong in the add-in. Please report this:\n\n{report.strip().splitlines()[-1]}")
 
 
+def _keep_while_open(command: adsk.core.Command) -> None:
+    """Keep the handlers that are connected from now on until the command ends: they hold its layout."""
+    own: list[adsk.core.EventHandler] = []
+    _alive.append(own)
+
+    def release(_: adsk.core.CommandEventArgs) -> None:
+        _alive[:] = [handlers for handlers in _alive if handlers is not own]
+
+    on_command(command.destroy, release)
+
+
 def _guarded(act: Callable[[Args], None], args: Args) -> None:
     try:
         act(args)
     except LayoutError as error:
-        _fail(args, str(error))
+        if not _undone(args, str(error)):
+            tell(str(error))
     except Exception:  # noqa: BLE001 the border to the host: whatever goes wrong is shown, not lost
-        _fail(args, "The command was undone.")
+        _undone(args, "The add-in failed, and the command was undone.")
         show_fault()
 
 
-def _fail(args: adsk.core.EventArgs, text: str) -> None:
-    """Have Fusion undo a command and show why; where there is nothing to undo only show it."""
+def _undone(args: adsk.core.EventArgs, text: str) -> bool:
+    """Have Fusion undo a command and show why; False if the event is none of a command, so nothing can be undone."""
     command = adsk.core.CommandEventArgs.cast(args)
-    if command:
-        command.executeFailed = True
-        command.executeFailedMessage = text
-    else:
-        tell(text)
+    if not command:
+        return False
+    command.executeFailed = True
+    command.executeFailedMessage = text
+    return True
