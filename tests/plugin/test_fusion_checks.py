@@ -39,7 +39,7 @@ MISTAKES = {
         "createInput(profiles[0], path, operation)",
         "createInput(profiles[0], path, adsk.core.DialogResults.DialogYes)",
     ),
-    "a number for a ValueInput": ("host/parameters.py", "prefix + name, value, host_", "prefix + name, 1.0, host_"),
+    "a number for a ValueInput": ("host/parameters.py", "prefix + name, given, host_", "prefix + name, value, host_"),
     "a misspelt property": ("host/events.py", "command.executeFailedMessage =", "command.executeFailMessage ="),
     "a read-only property": ("host/drawing.py", "body.name = tube.name", "body.volume = 1.0"),
     "a look-up that may find nothing": ("host/toolbar.py", "workspace.toolbarTabs.itemById(TAB) if workspace else None",

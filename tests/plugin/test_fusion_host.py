@@ -271,6 +271,11 @@ def test_edit_draws_again_with_changed_parameters(session):
     names = [part.name for part in walk(session.truss())]
     assert names == [f"Michell truss 1{end}" for end in ("", *(f" {family}" for family in plan.families), " nodes")]
     assert not session.fake.calls("UserParameters.add")
+    assert not session.fake.calls("Parameter.value="), "an expression of the designer would be lost"
+    command = session.start(EDIT)
+    session.turn(command, radius=0.7)
+    session.press_ok(command)
+    assert [call.arguments[0] for call in session.fake.calls("Parameter.value=")] == [pytest.approx(0.07)]
 
 
 def test_changed_parameters_move_the_spheres(session):

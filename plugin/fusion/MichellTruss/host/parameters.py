@@ -35,15 +35,15 @@ def shown_numbers(knobs: tuple[Knob, ...], values: dict[str, Any], chosen: Chose
 
 
 def write_parameters(design: adsk.fusion.Design, prefix: str, numbers: dict[str, tuple[Knob, float]]) -> None:
-    """Make the user parameters of a truss, or set those that are there."""
+    """Make the user parameters of a truss, or set those that differ, so that expressions of the designer stay."""
     parameters = design.userParameters
     for name, (knob, number) in numbers.items():
-        parameter = parameters.itemByName(prefix + name)
-        if parameter:
-            parameter.value = to_host(number, knob.unit)
-        else:
-            value = adsk.core.ValueInput.createByReal(to_host(number, knob.unit))
-            parameters.add(prefix + name, value, host_unit(knob.unit), knob.description)
+        parameter, value = parameters.itemByName(prefix + name), to_host(number, knob.unit)
+        if not parameter:
+            given = adsk.core.ValueInput.createByReal(value)
+            parameters.add(prefix + name, given, host_unit(knob.unit), knob.description)
+        elif abs(parameter.value - value) > _SAME:
+            parameter.value = value
 
 
 def read_parameters(
