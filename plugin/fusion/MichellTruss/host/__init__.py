@@ -1,0 +1,1 @@
+"""The side of the add-in that talks to Fusion; what it shows and draws is decided in `logic`."""

@@ -1,0 +1,1 @@
+"""What the add-in computes, free of the host: only the standard library is imported here."""
