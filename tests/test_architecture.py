@@ -47,6 +47,7 @@ OUTSIDE = (
     "cli_inspect",
     "delivery",
     "delivery_edit",
+    "delivery_export",
     "domain",
     "edits",
     "job",

@@ -42,6 +42,10 @@ WIDE = 0.75
 CLOSE = 0.35
 """Far ends of near-parallel members are merged if nearer than this (relative to the shorter member)."""
 
+STUBBORN, STUBBORN_COSINE = 4, 0.7
+"""At a node that came out faulty so often, the two members nearest to each other, if they enclose less than 45 degrees,
+are made one."""
+
 
 def prepare_truss(
     sized: SizedTruss,
@@ -71,6 +75,10 @@ def prepare_truss(
     times[list(shaken)] += 1
     layout = start_layout(current, knobs)
     shake(layout, times)
+    stubborn = [node for node in shaken if times[node] >= STUBBORN]
+    if stubborn:
+        merges, detours = _compatible(_join_nearest(layout.sized.truss, stubborn), layout.sized.truss)
+        layout, changes = _change(layout, changes, merges, detours, [])
     crossing_rounds = 0
     for round_number in range(MAX_ROUNDS):
         prepared, trouble = _lay_out(layout, changes)
@@ -83,14 +91,19 @@ def prepare_truss(
         else:
             merges, detours = _choose_changes(layout, trouble)
             joints = []
-        simpler, number = simplify_truss(layout.sized, merges, detours, joints)
-        if not len(simpler.truss.members):
-            break
-        changes = changes.after(merges, detours, len(joints), number, len(simpler.truss.nodes))
-        layout = carry_over(layout, simpler, number[: len(layout.level)])
+        layout, changes = _change(layout, changes, merges, detours, joints)
         if progress is not None:
             progress((round_number + 1) / MAX_ROUNDS)
     raise GeometryKernelError(_explain_failure(sized, knobs))
+
+
+def _change(layout: Layout, changes: Changes, merges: list, detours: list, joints: list) -> tuple[Layout, Changes]:
+    """Change the truss, and lay out anew what is near."""
+    simpler, number = simplify_truss(layout.sized, merges, detours, joints)
+    if not len(simpler.truss.members):
+        raise GeometryKernelError(_explain_failure(layout.sized, layout.knobs))
+    changes = changes.after(merges, detours, len(joints), number, len(simpler.truss.nodes))
+    return carry_over(layout, simpler, number[: len(layout.level)]), changes
 
 
 def _lay_out(layout: Layout, changes: Changes) -> tuple[PreparedTruss | None, set[int]]:
@@ -107,18 +120,25 @@ def _lay_out(layout: Layout, changes: Changes) -> tuple[PreparedTruss | None, se
 
 
 def _choose_changes(layout: Layout, trouble: set[int]) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Merges and detours for members in trouble, the shortest member first.
+    """Merges and detours for members in trouble, the shortest member first."""
+    truss, sizes = layout.sized.truss, layout.node_sizes()
+    ordered = sorted(trouble, key=lambda m: (truss.lengths[m], m))
+    return _compatible([(m, *_change_for(m, truss, sizes)) for m in ordered], truss)
+
+
+def _compatible(
+    wanted: Sequence[tuple[int, str, tuple[int, int]]], truss: Truss
+) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Merges and detours, of those wanted (member, kind, change) the first that can be made at once.
 
     No node is in two merges or in a merge and a detour, and no member takes part in two detours.
     """
-    truss, sizes = layout.sized.truss, layout.node_sizes()
     merges: list[tuple[int, int]] = []
     detours: list[tuple[int, int]] = []
     merged: set[int] = set()
     led: set[int] = set()
     rerouted: set[int] = set()
-    for m in sorted(trouble, key=lambda m: (truss.lengths[m], m)):
-        kind, change = _change_for(m, truss, sizes)
+    for m, kind, change in wanted:
         if kind == "merge" and not set(change) & (merged | led):
             merged |= set(change)
             merges.append(change)
@@ -139,7 +159,26 @@ def _change_for(m: int, truss: Truss, sizes: NodeSizes) -> tuple[str, tuple[int,
         return "merge", (int(truss.members[m, 0]), int(truss.members[m, 1]))
     side = int(np.argmax(np.where(rival >= 0, reach, -np.inf)))
     other = int(rival[side]) // 2
-    near = int(truss.members[m, side])
+    return _join(m, other, int(truss.members[m, side]), truss)
+
+
+def _join_nearest(truss: Truss, nodes: Sequence[int]) -> list[tuple[int, str, tuple[int, int]]]:
+    """At each of the nodes, the change that makes one of the two members nearest to each other, if they are acute."""
+    wanted = []
+    for node in nodes:
+        members, side = np.nonzero(truss.members == node)
+        away = truss.nodes[truss.members[members, 1 - side]] - truss.nodes[node]
+        away /= np.linalg.norm(away, axis=1, keepdims=True)
+        cosine = np.triu(away @ away.T, 1)
+        i, j = np.unravel_index(int(np.argmax(cosine)), cosine.shape)
+        if cosine[i, j] > STUBBORN_COSINE:
+            m = int(members[i])
+            wanted.append((m, *_join(m, int(members[j]), node, truss)))
+    return wanted
+
+
+def _join(m: int, other: int, near: int, truss: Truss) -> tuple[str, tuple[int, int]]:
+    """The change that makes one of two members at a node."""
     far, far_other = (int(pair[0] if pair[1] == near else pair[1]) for pair in truss.members[[m, other]])
     gap = np.linalg.norm(truss.nodes[far] - truss.nodes[far_other])
     if gap < CLOSE * min(truss.lengths[m], truss.lengths[other]):

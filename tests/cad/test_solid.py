@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import michell_cad
 from michell_cad.cad import kernel
+from michell_cad.cad.prepare import STUBBORN
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import build_solid
 from michell_cad.errors import GeometryKernelError, InvalidInputError
@@ -252,6 +253,22 @@ def test_nodes_that_the_kernel_finds_faulty_are_laid_out_in_another_way(monkeypa
     assert (solid.prepared.sizes.fillet[mine] < 0.9 * first.sizes.fillet[mine]).all() == (times > 1)
     assert (solid.report.straightened_members > 0) == (times >= 4)
     assert (turned < 1e-12).sum() > 0.5 * len(turned)
+
+
+def test_where_nothing_else_helps_the_two_nearest_members_become_one(monkeypatch) -> None:
+    truss, real, calls = star([*AXES, np.array([1.0, 0.4, 0.0]) / np.hypot(1.0, 0.4)]), kernel.faulty_faces, []
+
+    def faulty(solid, faces):
+        calls.append(len(faces))
+        return [0] if len(calls) <= STUBBORN else real(solid, faces)
+
+    first = build_solid(truss, Knobs())
+    assert not first.report.fallback_nodes
+    monkeypatch.setattr(kernel, "faulty_faces", faulty)
+    solid = build_solid(truss, Knobs())
+    degree = np.bincount(solid.prepared.sized.truss.members.ravel()).max()
+    assert degree == np.bincount(first.prepared.sized.truss.members.ravel()).max() - 1
+    assert solid.report.fallback_nodes["merged"] >= 1
 
 
 kernel_volume = kernel.volume
