@@ -76,8 +76,8 @@ def prepare_truss(
     layout = start_layout(current, knobs)
     shake(layout, times)
     stubborn = [node for node in shaken if times[node] >= STUBBORN]
-    if stubborn:
-        merges, detours = _compatible(_join_nearest(layout.sized.truss, stubborn), layout.sized.truss)
+    merges, detours = _compatible(_join_nearest(layout.sized.truss, stubborn), layout.sized.truss)
+    if merges or detours:
         layout, changes = _change(layout, changes, merges, detours, [])
     crossing_rounds = 0
     for round_number in range(MAX_ROUNDS):
