@@ -5,7 +5,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,8 +91,8 @@ def deliver_job(
     result = design(problem, design_options(job), progress, cache)
     times.extend(result.times)
     with writing_folder(folder) as partial:
-        structure = NO_EDITS.replay(result, job.knobs)
-        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress, kept)
+        structure = replace(NO_EDITS.replay(result, job.knobs), kept=kept)
+        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
     return report
 
 
@@ -130,7 +130,7 @@ def design_options(job: Job) -> DesignOptions:
     )
 
 
-def kept_materials(job: Setup, part: Outline | Part) -> list[KeptSolid]:
+def kept_materials(job: Setup, part: Outline | Part) -> tuple[KeptSolid, ...]:
     """What the `[[keep]]` tables of a job keep of its part.
 
     Raises
@@ -138,10 +138,10 @@ def kept_materials(job: Setup, part: Outline | Part) -> list[KeptSolid]:
     InvalidInputError, GeometryKernelError
         As `keep_material`; the message begins with "keep" and the number of the table.
     """
-    return [
+    return tuple(
         keep_material(part, keep, keep.depth, keep.clearance or keep.depth, f"keep {number}")
         for number, keep in enumerate(job.keep, 1)
-    ]
+    )
 
 
 def write_results(
@@ -152,7 +152,6 @@ def write_results(
     up: int,
     times: list[StageTime],
     progress: Progress,
-    kept: Sequence[KeptSolid] = (),
 ) -> dict[str, Any]:
     """Build a structure and write all files; returns the report.
 
@@ -165,14 +164,10 @@ def write_results(
     up : axis that points up in pictures.
     times : of the stages that were run so far.
     progress : called with the name of a stage and the finished fraction of it.
-    kept : solids to unite with the truss.
     """
     result, mesh = structure.design, structure.whole_mesh
     with _timed("solid", times, progress):
         solid, knobs = build_structure(structure, progress)
-    if kept:
-        with _timed("keep", times, progress):
-            solid = unite(solid, kept, lambda fraction: progress("keep", fraction))
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
@@ -181,7 +176,7 @@ def write_results(
             export_solid(solid, folder / file, output.options)
             progress("export", 0.8 * (k + 1) / len(files))
         write_truss_json(folder / LAYOUT_FILE, built, splines, knobs)
-        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up)
+        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up, structure.kept)
         if len(edits):
             write_script(folder / EDITS_FILE, edits)
         plates = build_sheets(structure)
@@ -205,7 +200,7 @@ def write_results(
 
 
 def build_structure(structure: Structure, progress: Progress) -> tuple[TrussSolid, Knobs]:
-    """The solid of a structure, and its knobs with the radius that a target volume or mass asks for."""
+    """The solid of a structure, united with what it keeps, and its knobs with the radius for a target volume."""
     knobs = resolve_radius(
         structure.knobs,
         lambda knobs: size_structure(structure, knobs),
@@ -214,7 +209,10 @@ def build_structure(structure: Structure, progress: Progress) -> tuple[TrussSoli
         structure.design.problem.material.density,
     )
     sized = size_structure(structure, knobs)
-    return build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction)), knobs
+    solid = build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
+    if structure.kept:
+        solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
+    return solid, knobs
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:

@@ -6,9 +6,9 @@ Plain arrays and one JSON text, no pickled objects: the file can be read by any 
 import json
 import zipfile
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from michell_cad.problem import DesignProblem, LoadCase, Material
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions
 
+if TYPE_CHECKING:
+    from michell_cad.cad import KeptSolid
+
 FORMAT = "michell_cad.design"
 VERSION = 2
 """Version 2 has edits; a program that does not know them must not build the unedited truss instead."""
@@ -36,9 +39,14 @@ DEFAULT_UP = 2
 
 
 def save_design(
-    path: str | Path, design: Design, knobs: Knobs, edits: EditList = NO_EDITS, up: int = DEFAULT_UP
+    path: str | Path,
+    design: Design,
+    knobs: Knobs,
+    edits: EditList = NO_EDITS,
+    up: int = DEFAULT_UP,
+    kept: "Sequence[KeptSolid]" = (),
 ) -> None:
-    """Write a design, and the knobs and edits it was built with.
+    """Write a design, the knobs and edits it was built with, and the solids to unite it with.
 
     The file appears under its name only when it is complete. It holds the whole truss: knobs and edits are replayed.
     `up` is the axis (0, 1, 2) that points up in pictures.
@@ -67,6 +75,7 @@ def save_design(
         "network_path_points": network.path_points,
         "network_path_offsets": network.path_offsets,
         **_pack_curves("network", network.curves),
+        **_pack_kept(kept),
     }
     meta = {
         "format": FORMAT,
@@ -89,6 +98,7 @@ def save_design(
         "times": [asdict(time) for time in design.times],
         "knobs": knobs.model_dump(mode="json"),
         "edits": edits.plain(),
+        "kept": [one.name for one in kept],
         "up": up,
     }
     with writing(Path(path)) as partial, partial.open("wb") as file:
@@ -116,10 +126,40 @@ def load_up(path: str | Path) -> int:
     return int(_read(Path(path), only_meta=True)[1].get("up", DEFAULT_UP))
 
 
+def load_kept(path: str | Path) -> "tuple[KeptSolid, ...]":
+    """Read the solids to unite a design with; errors as for `load_design`."""
+    arrays, meta = _read(Path(path))
+    if not meta.get("kept"):
+        return ()
+    from michell_cad.cad.keep import KeptSolid
+    from michell_cad.cad.kernel_files import solids_from_bytes
+
+    return tuple(
+        KeptSolid(name, *(solids_from_bytes(arrays[f"kept_{k}_{what}"].tobytes()) for what in _KEPT))
+        for k, name in enumerate(meta["kept"])
+    )
+
+
 def open_structure(path: str | Path) -> Structure:
     """Read a design file and replay its knobs and edits on the truss; errors as for both."""
     design, knobs = load_design(path)
-    return load_edits(path).replay(design, knobs)
+    return replace(load_edits(path).replay(design, knobs), kept=load_kept(path))
+
+
+_KEPT = ("solids", "clearance")
+
+
+def _pack_kept(kept: "Sequence[KeptSolid]") -> dict[str, np.ndarray]:
+    """The kernel's shapes as bytes of its own binary format."""
+    if not kept:
+        return {}
+    from michell_cad.cad.kernel_files import solids_to_bytes
+
+    return {
+        f"kept_{k}_{what}": np.frombuffer(solids_to_bytes(getattr(one, what)), np.uint8)
+        for k, one in enumerate(kept)
+        for what in _KEPT
+    }
 
 
 def _read(path: Path, only_meta: bool = False) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

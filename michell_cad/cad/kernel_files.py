@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
@@ -29,7 +30,7 @@ from OCP.TDocStd import TDocStd_Document
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID, TopAbs_VERTEX, TopAbs_WIRE
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
@@ -137,6 +138,25 @@ def write_brep_file(path: Path, solids: Sequence[Any], binary: bool = False) -> 
     shape = solids[0] if len(solids) == 1 else compound(solids)
     if not (BinTools if binary else BRepTools).Write_s(shape, str(path)):
         raise OSError(errno.EIO, UNWRITTEN)
+
+
+def solids_to_bytes(solids: Sequence[Any]) -> bytes:
+    """Solids in the kernel's own binary format."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "solids.brep"
+        write_brep_file(path, solids, binary=True)
+        return path.read_bytes()
+
+
+def solids_from_bytes(data: bytes) -> tuple[Any, ...]:
+    """Solids from what `solids_to_bytes` returned."""
+    shape = TopoDS_Shape()
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "solids.brep"
+        path.write_bytes(data)
+        if not BinTools.Read_s(shape, str(path)):
+            raise InvalidInputError("the solids in the design file cannot be read; run `design` again")
+    return tuple(explore(shape, TopAbs_SOLID))
 
 
 @dataclass(frozen=True)

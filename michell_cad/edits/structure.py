@@ -10,7 +10,7 @@ Edits act in the order of the method, whatever their order in the list:
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -25,6 +25,9 @@ from michell_cad.metrics import name_families
 from michell_cad.pipeline import Design
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import Truss
+
+if TYPE_CHECKING:
+    from michell_cad.cad import KeptSolid
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +79,7 @@ class Structure:
     as_traced : whether no edit has changed the truss since it was traced and chosen.
     noted : edits of the finished truss, in order.
     others : the parts of trusses that were joined to this one.
+    kept : solids with which the finished truss is united.
     """
 
     design: Design
@@ -86,6 +90,7 @@ class Structure:
     as_traced: bool = True
     noted: tuple["Edit", ...] = ()
     others: tuple[TetMesh, ...] = ()
+    kept: "tuple[KeptSolid, ...]" = ()
 
     @staticmethod
     def of(design: Design, knobs: Knobs) -> "Structure":
