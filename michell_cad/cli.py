@@ -169,6 +169,7 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
             f"{solid['volume_mm3']:.4g} mm3, {100 * summary['volume_fraction']:.1f} % of the part, "
             f"{summary['mass_g']:.4g} g",
         ),
+        ("strength", _strength_line(report["strength"])),
         ("written to", str(out)),
     ]
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -177,6 +178,23 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
     console.print(table)
     for note in report["notes"]:
         console.print(f"[yellow]note[/]: {note}")
+
+
+def _strength_line(strength: dict[str, Any] | None) -> str:
+    if strength is None:
+        return "not known, see the notes"
+    force, moment = strength["first_yield_n"], strength["first_yield_nmm"]
+    load = f"{force:.4g} N" if force is not None else f"{moment:.4g} N mm"
+    factor = strength["buckling_factor"]
+    buckling = "nothing buckles" if factor is None else f"a member buckles at {factor:.3g} x the loads"
+    return (
+        f"first yield at {load}, {strength['yield_factor']:.3g} x the loads; {buckling}\n"
+        f"peak stress {strength['peak_stress_mpa']:.4g} MPa on {strength['peak_stress']['curve']}, largest "
+        f"displacement {strength['displacement_mm']:.3g} mm\n"
+        f"{100 * strength['mass_share']:.1f} % of the mass of the solid part, "
+        f"{strength['compliance_over_solid']:.3g} x its compliance; pin-joint residual "
+        f"{strength['pin_joint_residual']:.2f}, rms frame shear {strength['rms_frame_shear']:.2f}"
+    )
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, Sta
 from michell_cad.problem import DesignProblem
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
+from michell_cad.strength import strength_block
 from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
@@ -91,12 +92,17 @@ def _write_results(
         save_design(folder / DESIGN_FILE, result, job.knobs)
         if job.output.preview:
             render_truss(folder / PICTURE_FILE, result.problem.mesh, built, splines, up=up)
+    with _timed("strength", times, progress):
+        strength, strength_notes = strength_block(
+            result.problem, result.stress_field, result.parametrization, built, solid.report.volume_mm3
+        )
     report = report_design(result, built.truss, times)
     step_bytes = (folder / STEP_FILE).stat().st_size if job.output.step else None
     report["solid"] = report_solid(solid) | {"step_bytes": step_bytes}
     report["summary"] |= _material_summary(result.problem, solid)
+    report["strength"] = strength
     report["knobs"] = job.knobs.model_dump(mode="json")
-    report["notes"] = _notes(report, job.knobs) + list(solid.report.messages)
+    report["notes"] = _notes(report, job.knobs) + strength_notes + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
 

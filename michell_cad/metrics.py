@@ -108,6 +108,18 @@ def shear_residual(
     return float(mesh.volumes @ shear / total) if total > 0 else 0.0
 
 
+def rms_shear(mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"], directions: Float[np.ndarray, "n_t 3 3"]) -> float:
+    """(sum v |offdiag(B' dev sigma B)|_F^2 / sum v |dev sigma|_F^2)^(1/2), B the unit directions (columns).
+
+    The root mean square, which energy goes with, where `shear_residual` is a mean.
+    """
+    dev = deviator(stress)
+    S = np.einsum("tij,tik,tkl->tjl", directions, dev, directions, optimize=True)
+    shear = 2 * (S[:, 0, 1] ** 2 + S[:, 0, 2] ** 2 + S[:, 1, 2] ** 2)
+    total = mesh.volumes @ (dev**2).sum((1, 2))
+    return float(np.sqrt(mesh.volumes @ shear / total)) if total > 0 else 0.0
+
+
 def uncarried_stress(
     mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"], directions: Float[np.ndarray, "n_t 3 3"]
 ) -> float:

@@ -57,7 +57,7 @@ def test_design_writes_every_file_and_nothing_else(folder, results):
 
 def test_report_has_the_stated_blocks(results):
     report = json.loads((results / "report.json").read_text())
-    stages = {"mesh", "elasticity", "frames", "parametrization", "isocurves", "truss", "solid", "export"}
+    stages = {"mesh", "elasticity", "frames", "parametrization", "isocurves", "truss", "solid", "export", "strength"}
     assert set(report["wall_s"]) == set(report["cpu_s"]) == stages
     assert report["mesh"]["tets"] == 8 * 4 * 4 * 6
     assert report["parametrization"]["inverted_tets"] == 0
@@ -72,7 +72,12 @@ def test_report_has_the_stated_blocks(results):
         "misalignment_distinct_deg",
         "angle_deg",
     }
-    solid, summary = report["solid"], report["summary"]
+    solid, summary, strength = report["solid"], report["summary"], report["strength"]
+    assert strength["mass_g"] == pytest.approx(summary["mass_g"])
+    assert strength["mass_share"] == pytest.approx(summary["volume_fraction"])
+    assert strength["compliance_over_solid"] > 1
+    assert 0 < strength["pin_joint_residual"] < 1
+    assert strength["peak_stress"]["case"] == "main"
     assert solid["valid"] is True
     assert solid["solids"] == report["truss"]["components"] == 1
     assert solid["genus"] == solid["expected_genus"]

@@ -6,16 +6,20 @@ from michell_cad.strength.beam_solver import solve_beams
 from michell_cad.strength.loads import TrussLoading, carry_over_loads
 from michell_cad.strength.mechanism import keep_supported
 from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
+from michell_cad.strength.strength_report import StrengthReport, measure_strength, strength_block
 
 __all__ = [
     "BeamModel",
     "BeamSolution",
     "SizingOptions",
     "SizingReport",
+    "StrengthReport",
     "TrussLoading",
     "build_beam_model",
     "carry_over_loads",
     "keep_supported",
+    "measure_strength",
     "size_members",
     "solve_beams",
+    "strength_block",
 ]
