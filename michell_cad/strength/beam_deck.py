@@ -4,8 +4,8 @@ Two elements of the beam model become one quadratic beam with a circular section
 flexibility; tapered and curved members want several of them. Units: mm, N, MPa.
 
 CalculiX expands its beams into solid elements, which agree with beams to a per cent or two. Its own six-component
-element, U1, is not used: in version 2.20 it is exact (to its seven printed digits) for bending in one of its two planes,
-but couples the ends with a wrong sign in the other, and counts shear deflection negatively.
+element, U1, is not used: in version 2.20 it is exact (to its seven printed digits) for bending in one of its two planes
+only; in the other it couples the ends with a wrong sign, and it counts shear deflection negatively.
 """
 
 from pathlib import Path
@@ -19,8 +19,8 @@ from michell_cad.strength.beam_model import BeamModel
 from michell_cad.strength.loads import TrussLoading
 
 BeamElement = Literal["B32R", "B32"]
-"""Quadratic beams: B32R is what CalculiX recommends, and gives circles by two diameters; B32 is what Abaqus knows, by the
-radius."""
+"""Quadratic beams: B32R is what CalculiX recommends, with circles given by two diameters; B32 is what Abaqus knows,
+with circles given by the radius."""
 
 RADIUS_DIGITS = 6
 """Significant digits of the radii; beams whose radii agree to these share a section."""

@@ -11,6 +11,8 @@ the one that the displacements come from (Ericsson and Ruhe 1980, doi:10.1090/S0
 zero of K). Members that bow between their nodes need elements of their own: `pieces` of the beam model.
 """
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse.linalg as spla
 from jaxtyping import Float
@@ -52,7 +54,8 @@ def frame_buckling(
     require(1 <= count < len(free) - 1, f"count must lie between 1 and {len(free) - 2}, found {count}")
     K = assemble(model, element_stiffness(model))[free][:, free]
     load = assemble(model, -geometric_stiffness(solution, case))[free][:, free]
-    inverse = spla.LinearOperator(K.shape, matvec=factorise(K).solve, dtype=float)
+    operator: Any = spla.LinearOperator  # its stubs know the class, not the call that makes one from a function
+    inverse = operator(K.shape, matvec=factorise(K).solve, dtype=float)
     # A start that no symmetry of the frame is orthogonal to, and the same in every run.
     start = np.sin(1.0 + np.arange(len(free)))
     try:
