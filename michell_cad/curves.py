@@ -37,8 +37,11 @@ class NodeKind(IntEnum):
     """The end of sharp features, or a sharp bend of one."""
 
 
-FAMILIES = ("tension", "compression", "third", "feature")
-"""Names of the families. Interior and boundary curves have one of the first three, see `metrics.name_families`."""
+TRACED_FAMILIES = ("tension", "compression", "third")
+"""Families of interior and boundary curves, see `metrics.name_families`."""
+
+FAMILIES = (*TRACED_FAMILIES, "feature", "brace")
+"""Names of the families. Braces (see `strength.braces`) are interior curves of one member without isovalues."""
 
 KINDS = tuple(CurveKind)
 """The kinds in the order in which arrays number them."""
@@ -58,7 +61,7 @@ class Curve:
     ----------
     kind : CurveKind
     family : one of `FAMILIES`.
-    axis : coordinate (0, 1, 2) along which the curve runs; -1 for a feature curve.
+    axis : coordinate (0, 1, 2) along which the curve runs; -1 for feature curves and braces.
     isovalues : integer coordinates of the curve, None for those that vary.
     component : 0, 1, ... numbers the curves that have the same kind and isovalues.
     nodes : (k,) int, nodes in order along the curve. A closed curve does not repeat its first node.

@@ -22,7 +22,7 @@ from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, Sta
 from michell_cad.problem import DesignProblem
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
-from michell_cad.strength import strength_block
+from michell_cad.strength import strength_block, strengthen, strengthen_block
 from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
@@ -77,8 +77,15 @@ def design_options(job: Job) -> DesignOptions:
 def _write_results(
     folder: Path, result: Design, job: Job, up: int, times: list[StageTime], progress: Progress
 ) -> dict[str, Any]:
+    with _timed("sizing", times, progress):
+        sized, sizing, sizing_notes = strengthen(
+            result.problem,
+            result.stress_field,
+            result.parametrization,
+            apply_knobs(result.truss, job.knobs),
+            job.sizing.options,
+        )
     with _timed("solid", times, progress):
-        sized = apply_knobs(result.truss, job.knobs)
         solid = build_solid(sized, job.knobs, progress=lambda fraction: progress("solid", fraction))
     built = solid.prepared.sized
     with _timed("export", times, progress):
@@ -100,9 +107,9 @@ def _write_results(
     step_bytes = (folder / STEP_FILE).stat().st_size if job.output.step else None
     report["solid"] = report_solid(solid) | {"step_bytes": step_bytes}
     report["summary"] |= _material_summary(result.problem, solid)
-    report["strength"] = strength
+    report["sizing"], report["strength"] = strengthen_block(sizing), strength
     report["knobs"] = job.knobs.model_dump(mode="json")
-    report["notes"] = _notes(report, job.knobs) + strength_notes + list(solid.report.messages)
+    report["notes"] = _notes(report, job.knobs) + sizing_notes + strength_notes + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
 

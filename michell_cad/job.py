@@ -38,6 +38,9 @@ from michell_cad.problem import (
     surface_torque,
 )
 from michell_cad.selection import REGION_KEYS, Region, Vector, select_triangles
+from michell_cad.strength.loads import OFF_AXIS_DEGREES
+from michell_cad.strength.sizing_groups import SizedBy
+from michell_cad.strength.strengthen import StrengthenOptions
 
 DEFAULT_MATERIAL = "ABS"
 """The paper's printed examples are of ABS; the choice matters for masses and strengths, hardly for directions."""
@@ -195,6 +198,54 @@ class Options(BaseModel):
         return self
 
 
+class SizingSection(BaseModel):
+    """What becomes of the radii that the knobs give: straight members, radii that suit the loads, braces."""
+
+    model_config = _STRICT
+    straight: Switch = Field(default=False, description="Members run along the chords between their nodes.")
+    by: SizedBy | None = Field(
+        default=None,
+        description="What gets radii of its own: member, curve (with a smooth change along it) or family; default: "
+        "nothing, the knobs decide.",
+    )
+    criterion: Literal["stress", "compliance"] = Field(
+        default="stress", description="stress: the highest load at first yield or buckling; compliance: the stiffest."
+    )
+    braces: Switch = Field(
+        default=False, description="Diagonals in cells that shear, if the sized truss is better for them."
+    )
+    volume_fraction: Annotated[Number, Field(gt=0, lt=1)] | None = Field(
+        default=None, description="Sum of the members' volumes over the part's; default: as the knobs make it."
+    )
+    off_axis: Annotated[Number, Field(ge=0, lt=90)] = Field(
+        default=OFF_AXIS_DEGREES, description="Each load counts also tilted to four sides by this angle, degrees."
+    )
+    buckling: Switch = Field(default=True, description="Members must not buckle before they yield.")
+    smallest_radius: Positive | None = Field(default=None, description="mm; default: a fifth of equal radii.")
+    largest_radius: Positive | None = Field(default=None, description="mm; default: a quarter of the cell edge.")
+
+    @property
+    def options(self) -> StrengthenOptions:
+        """The same as the options of `strengthen`."""
+        return StrengthenOptions(
+            straight=self.straight,
+            size_by=self.by,
+            criterion=self.criterion,
+            braces=self.braces,
+            volume_fraction=self.volume_fraction,
+            off_axis_degrees=self.off_axis,
+            buckling=self.buckling,
+            smallest_radius=self.smallest_radius,
+            largest_radius=self.largest_radius,
+        )
+
+    @model_validator(mode="after")
+    def _braces_are_sized(self) -> "SizingSection":
+        if self.braces and self.by is None:
+            raise ValueError("braces cost at equal radii and pay only where radii are sized: give by as well")
+        return self
+
+
 class OutputSection(BaseModel):
     """Which of the larger files to write; truss.json, design.npz and report.json are always written."""
 
@@ -215,6 +266,7 @@ class Setup(BaseModel):
     cases: CasesSection = CasesSection()
     options: Options = Options()
     knobs: Knobs = Knobs()
+    sizing: SizingSection = SizingSection()
     output: OutputSection = OutputSection()
 
     @model_validator(mode="after")

@@ -127,13 +127,24 @@ def uncarried_stress(
 
     sum v |sigma - P sigma|_F / sum v |sigma|_F with P the orthogonal projection on the span of b_i b_i'.
     """
+    rest = stress - project_on_bars(stress, directions)
+    total = mesh.volumes @ np.linalg.norm(stress, axis=(1, 2))
+    return float(mesh.volumes @ np.linalg.norm(rest, axis=(1, 2)) / total) if total > 0 else 0.0
+
+
+def project_on_bars(
+    stress: Float[np.ndarray, "n 3 3"], directions: Float[np.ndarray, "n 3 3"]
+) -> Float[np.ndarray, "n 3 3"]:
+    """P sigma: the part of the stress that bars along the three directions (columns) can carry."""
     basis = np.stack([c * directions[:, i] * directions[:, j] for (i, j), c in _MANDEL], axis=1)
     sigma = np.stack([c * stress[:, i, j] for (i, j), c in _MANDEL], axis=1)
     # Orthonormal columns; directions that coincide leave a smaller span, which QR handles.
     Q, _ = np.linalg.qr(basis)
-    rest = sigma - np.einsum("tij,tj->ti", Q, np.einsum("tij,ti->tj", Q, sigma))
-    total = mesh.volumes @ np.linalg.norm(sigma, axis=1)
-    return float(mesh.volumes @ np.linalg.norm(rest, axis=1) / total) if total > 0 else 0.0
+    carried = np.einsum("tij,tj->ti", Q, np.einsum("tij,ti->tj", Q, sigma))
+    result = np.empty_like(stress)
+    for k, ((i, j), c) in enumerate(_MANDEL):
+        result[:, i, j] = result[:, j, i] = carried[:, k] / c
+    return result
 
 
 def misalignment(

@@ -16,6 +16,7 @@ COLOURS = {
     "compression": (0.0, 0.45, 0.70),
     "third": (0.0, 0.62, 0.45),
     "feature": (0.6, 0.6, 0.6),
+    "brace": (0.80, 0.47, 0.65),
     "node": (0.8, 0.8, 0.8),
 }
 """sRGB colours of the families and of the nodes; from the palette of Okabe and Ito, made for colour-blind eyes."""

@@ -23,7 +23,7 @@ from jaxtyping import Float, Int
 
 from michell_cad.arrays import require, same_as_previous
 from michell_cad.compiled import compiled
-from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, CurveKind, Curves, NodeKind
+from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, TRACED_FAMILIES, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
 from michell_cad.isocurves.edge_crossings import EdgeCrossings, cross_edges, place_edge_crossings
 from michell_cad.isocurves.features import FeatureSegments, trace_features
@@ -133,7 +133,7 @@ def trace_isocurves(
         f"levels must have shape {mesh.vertices.shape}, one row for each vertex of the mesh, found {levels.shape}",
     )
     require(
-        set(families) == set(FAMILIES) - {"feature"},
+        set(families) == set(TRACED_FAMILIES),
         f"families must name tension, compression and third once each, found {families}",
     )
     grid = round_levels(levels, mesh.tets)

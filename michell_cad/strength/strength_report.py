@@ -18,15 +18,12 @@ from michell_cad.parametrization import Parametrization
 from michell_cad.problem import DesignProblem
 from michell_cad.strength.beam_model import build_beam_model
 from michell_cad.strength.beam_solver import solve_beams
+from michell_cad.strength.braces import SHEAR_LIMIT
 from michell_cad.strength.loads import TrussLoading, carry_over_loads
 from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.pin_joints import pin_joint_residual
 from michell_cad.truss import SizedTruss
-
-SHEAR_LIMIT = 0.12
-"""Rms frame shear above which a lattice without diagonals loses to a braced grid of equal volume: its members bend,
-with a penalty that grows like shear^2 (length / radius)^2."""
 
 NO_RESULTANT = 1e-6
 """Loads whose resultant is smaller than this (relative to the sum of their magnitudes) are couples."""
