@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | faces | check | schema`.
+"""The command line: `michell-cad design | compare | faces | check | schema`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -46,6 +46,23 @@ def design(
     with _stage_bars(console) as progress:
         report = deliver_job(job, out, force, progress)
     _print_summary(console, report, out)
+
+
+@app.command()
+def compare(
+    job: JobFile,
+    cells: Annotated[str, typer.Option(help="Cells of the grids along the longest side of the part.")] = "4,6,8",
+) -> None:
+    """Put the truss of a job beside grids and a ground structure of the same amount of material; no files."""
+    from michell_cad.comparison_table import show_comparison
+
+    sizes = cells.split(",")
+    if not all(size.strip().isdigit() and 1 <= int(size) <= 40 for size in sizes):
+        raise InvalidInputError(f"--cells {cells}: expected whole numbers from 1 to 40 with commas, such as 4,6,8")
+    console = _console()
+    with _stage_bars(console) as progress:
+        show = show_comparison(job, tuple(int(size) for size in sizes), progress)
+    show(console)
 
 
 @app.command()

@@ -7,10 +7,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from michell_cad.cad import TrussSolid, build_solid, export_step, export_stl
+from michell_cad.cad.prepare import prepare_truss
 from michell_cad.design_file import save_design
 from michell_cad.domain import read_part
 from michell_cad.errors import InvalidInputError
@@ -22,7 +24,8 @@ from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, Sta
 from michell_cad.problem import DesignProblem
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
-from michell_cad.strength import strength_block, strengthen, strengthen_block
+from michell_cad.strength import StrengthenReport, strength_block, strengthen, strengthen_block
+from michell_cad.truss import SizedTruss
 from michell_cad.truss_json import write_truss_json
 
 Progress = Callable[[str, float], None]
@@ -78,13 +81,7 @@ def _write_results(
     folder: Path, result: Design, job: Job, up: int, times: list[StageTime], progress: Progress
 ) -> dict[str, Any]:
     with _timed("sizing", times, progress):
-        sized, sizing, sizing_notes = strengthen(
-            result.problem,
-            result.stress_field,
-            result.parametrization,
-            apply_knobs(result.truss, job.knobs),
-            job.sizing.options,
-        )
+        sized, sizing, sizing_notes = _size(result, job)
     with _timed("solid", times, progress):
         solid = build_solid(sized, job.knobs, progress=lambda fraction: progress("solid", fraction))
     built = solid.prepared.sized
@@ -112,6 +109,24 @@ def _write_results(
     report["notes"] = _notes(report, job.knobs) + sizing_notes + strength_notes + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
+
+
+def _size(result: Design, job: Job) -> tuple[SizedTruss, StrengthenReport | None, list[str]]:
+    """Size the truss as the job wishes, and again as the solid changes it: thick members merge nodes and give way to
+    each other, and forces go with them."""
+    part = result.problem, result.stress_field, result.parametrization
+    options = job.sizing.options
+    sized, first, notes = strengthen(*part, apply_knobs(result.truss, job.knobs), options)
+    if first is None:
+        return sized, None, notes
+    buildable = prepare_truss(sized, job.knobs).sized
+    volume_fraction = first.volume_mm3 / float(result.problem.mesh.volumes.sum())
+    again = replace(options, braces=False, volume_fraction=volume_fraction)
+    sized, second, more = strengthen(*part, buildable, again)
+    assert second is not None
+    # Gains compare with equal members of the truss that the knobs chose.
+    gain = first.failure_gain * second.failure_factor / first.failure_factor
+    return sized, replace(second, options=options, failure_gain=gain), list(dict.fromkeys([*notes, *more]))
 
 
 def report_solid(solid: TrussSolid) -> dict[str, Any]:

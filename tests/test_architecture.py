@@ -39,7 +39,7 @@ NUMERICS = (
     "truss",
     "warm_up",
 )
-OUTSIDE = ("cad", "cli", "cli_inspect", "delivery", "domain", "job", "picture", "selection")
+OUTSIDE = ("cad", "cli", "cli_inspect", "comparison_table", "delivery", "domain", "job", "picture", "selection")
 
 
 def modules() -> list[Path]:

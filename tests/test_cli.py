@@ -180,3 +180,14 @@ def test_help_schema_and_wrong_words(folder):
     assert "part" in schema["required"]
     assert run("draw", cwd=folder).returncode == 2
     assert run("design", "job.toml", cwd=folder).returncode == 2
+
+
+def test_compare_puts_rivals_side_by_side(folder):
+    done = run("compare", "job.toml", "--cells", "2", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    for name in ("this truss", "grid 2x1x1 braced", "ground s. 2x1x1", "rms frame shear"):
+        assert name in done.stdout
+    assert "best" not in done.stdout
+    bad = run("compare", "job.toml", "--cells", "2,many", cwd=folder)
+    assert bad.returncode == 2
+    assert "expected whole numbers from 1 to 40" in bad.stderr

@@ -7,7 +7,13 @@ from michell_cad.strength.loads import TrussLoading, add_off_axis_cases, carry_o
 from michell_cad.strength.mechanism import keep_supported
 from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
 from michell_cad.strength.strength_report import StrengthReport, measure_strength, strength_block
-from michell_cad.strength.strengthen import StrengthenOptions, straighten, strengthen, strengthen_block
+from michell_cad.strength.strengthen import (
+    StrengthenOptions,
+    StrengthenReport,
+    straighten,
+    strengthen,
+    strengthen_block,
+)
 
 __all__ = [
     "BeamModel",
@@ -16,6 +22,7 @@ __all__ = [
     "SizingReport",
     "StrengthReport",
     "StrengthenOptions",
+    "StrengthenReport",
     "TrussLoading",
     "add_off_axis_cases",
     "build_beam_model",

@@ -11,7 +11,7 @@ times the loads counts as not carried.
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from michell_cad.linear_solver import factorise
 from michell_cad.strength.loads import TrussLoading
@@ -21,18 +21,18 @@ RIDGE = 1e-6
 """e above, relative (the columns of A have the length of two unit vectors): forces up to a thousand times the loads."""
 
 
-def equilibrium_matrix(truss: Truss) -> sp.csr_matrix:
-    """A: (3 n_n, n_m), forces on the nodes for unit tensions of the members, along the chords; loads minus A q = 0.
+def equilibrium_matrix(nodes: Float[np.ndarray, "n_n 3"], members: Int[np.ndarray, "n_m 2"]) -> sp.csr_matrix:
+    """A: (3 n_n, n_m), the loads on the nodes that unit tensions of the members hold up, along the chords.
 
     Positive q pulls the two nodes of a member together, so that column m holds -d on its first and +d on its second
-    node, with d the unit vector from first to second: the forces *on the member*, which the loads must equal.
+    node, with d the unit vector from first to second: the loads that pull the nodes apart.
     """
-    a, b = truss.nodes[truss.members].transpose(1, 0, 2)
-    d = (b - a) / truss.lengths[:, None]
-    rows = 3 * truss.members[:, :, None] + np.arange(3)
+    a, b = nodes[members].transpose(1, 0, 2)
+    d = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    rows = 3 * members[:, :, None] + np.arange(3)
     columns = np.broadcast_to(np.arange(len(d))[:, None, None], rows.shape)
     values = np.stack([-d, d], axis=1)
-    shape = (3 * len(truss.nodes), len(d))
+    shape = (3 * len(nodes), len(d))
     return sp.csr_matrix(sp.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=shape))
 
 
@@ -41,7 +41,7 @@ def pin_joint_residual(truss: Truss, loading: TrussLoading) -> Float[np.ndarray,
     used = np.zeros(len(truss.nodes), bool)
     used[truss.members] = True
     free = np.flatnonzero((~loading.held[:, :3] & used[:, None]).ravel())
-    A = equilibrium_matrix(truss)[free]
+    A = equilibrium_matrix(truss.nodes, truss.members)[free]
     f = loading.forces[:, :, :3].reshape(len(loading.names), -1)[:, free].T
     normal = sp.csr_matrix(A @ A.T + RIDGE * sp.identity(len(free)))
     left = RIDGE * factorise(normal).solve(np.ascontiguousarray(f))

@@ -126,6 +126,15 @@ def strengthen(
     return result, _describe(result, report, first, volume, options), notes
 
 
+def size_for_loads(problem: DesignProblem, sized: SizedTruss, options: StrengthenOptions) -> SizedTruss:
+    """Size any truss by the same rules, at the volume that it has or that the options state."""
+    sized, _ = leave_out_loose_parts(problem, sized)
+    volume = build_beam_model(sized, problem.material, straight=False).volume
+    if options.volume_fraction is not None:
+        volume = options.volume_fraction * float(problem.mesh.volumes.sum())
+    return _size(problem, sized.truss, volume, options)[0]
+
+
 def strengthen_block(report: StrengthenReport | None) -> dict[str, Any] | None:
     """A `StrengthenReport` as plain values."""
     return None if report is None else asdict(report)

@@ -10,7 +10,7 @@ def test_forces_of_a_triangle_by_the_method_of_joints():
     # 8 N down on the top: each leg carries 4 N / sin, 5 N in compression, the bar 3 N in tension.
     forces = {(0, 1): 3.0, (0, 2): -5.0, (1, 2): -5.0}
     q = np.array([forces[tuple(member)] for member in truss.members.tolist()])
-    held_up = (equilibrium_matrix(truss) @ q).reshape(-1, 3)
+    held_up = (equilibrium_matrix(truss.nodes, truss.members) @ q).reshape(-1, 3)
     np.testing.assert_allclose(held_up, [[0, 0, 4], [0, 0, 4], [0, 0, -8]], atol=1e-14)
     load = loading(3, {0: (0, 1, 2), 1: (1, 2), 2: (1,)}, {2: (0, 0, -8, 0, 0, 0)})
     assert pin_joint_residual(truss, load)[0] < 1e-5
