@@ -205,8 +205,10 @@ def _find_crossings(
                     y0, y1, y2 = values[u, j] - y, values[v, j] - y, values[w, j] - y
                     w0, side0 = orient(x1, y1, x2, y2)
                     w1, side1 = orient(x2, y2, x0, y0)
+                    if side0 == 0 or side0 != side1:
+                        continue
                     w2, side2 = orient(x0, y0, x1, y1)
-                    if side0 == 0 or side0 != side1 or side1 != side2:
+                    if side1 != side2:
                         continue
                     face[n], pair[n], a[n], b[n] = f, p, first, second
                     area = w0 + w1 + w2

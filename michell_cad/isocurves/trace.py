@@ -208,9 +208,9 @@ def _concatenate(parts: list[Segments], vertex_counts: list[int]) -> Segments:
     first_node = np.cumsum([0] + [len(part.nodes) for part in parts])
     offsets = [part.node_offsets[:-1] + first for part, first in zip(parts, first_node[:-1], strict=True)]
     return Segments(
-        np.concatenate([part.ends + first for part, first in zip(parts, first_vertex, strict=True)]),
+        np.concatenate([part.ends + first for part, first in zip(parts, first_vertex, strict=True)], dtype=np.int32),
         np.concatenate([*offsets, first_node[-1:]]),
-        np.concatenate([part.nodes for part in parts]),
+        np.concatenate([part.nodes for part in parts], dtype=np.int32),
     )
 
 

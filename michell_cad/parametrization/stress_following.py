@@ -38,9 +38,9 @@ _RIVAL, _SAME = 1.03, 1.001
 """Starts go on while their energy is within the first factor of the lowest one; those within the second of each other
 have found the same map."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
-_LAST_ITERATIONS, _LAST_PATIENCE = 200, 16
-"""Of the last round. Symmetric parts (a bar in torsion) rest on a saddle for a dozen idle steps before rounding tips
-them over, to a much better map; whether they do must not be left to luck."""
+_LAST_ITERATIONS, _LAST_TOLERANCE, _LAST_PATIENCE = 200, 1e-4, 8
+"""Of the last round. A bar in torsion creeps down a valley by 2e-4 a step for fifty steps before it comes to a much
+better map; whether it does must not be left to rounding."""
 
 
 def follow_stress(
@@ -77,7 +77,7 @@ def follow_stress(
             precondition,
             memory=_MEMORY,
             iterations=_LAST_ITERATIONS if last else _ITERATIONS if number else _TRIAL_ITERATIONS,
-            tolerance=_TOLERANCE,
+            tolerance=_LAST_TOLERANCE if last else _TOLERANCE,
             patience=_LAST_PATIENCE if last else PATIENCE,
         )
         return report.value, phi
