@@ -22,11 +22,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from michell_cad.arrays import require
 from michell_cad.domain.outline import Part
 from michell_cad.errors import InvalidInputError
+from michell_cad.job_values import STRICT, Number, Positive, Switch
 from michell_cad.knobs import Knobs
 from michell_cad.problem import (
     DesignProblem,
@@ -38,21 +39,13 @@ from michell_cad.problem import (
     surface_torque,
 )
 from michell_cad.selection import REGION_KEYS, Region, Vector, select_triangles
-from michell_cad.strength.loads import OFF_AXIS_DEGREES
-from michell_cad.strength.sizing_groups import SizedBy
-from michell_cad.strength.strengthen import StrengthenOptions
+from michell_cad.sizing_section import SizingSection
 
 DEFAULT_MATERIAL = "ABS"
 """The paper's printed examples are of ABS; the choice matters for masses and strengths, hardly for directions."""
 
 MAIN_CASE = "main"
 """Name of the case of loads that name none."""
-
-_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0)]
-Switch = Annotated[bool, Field(strict=True)]
 
 
 def _not_zero(value: Vector) -> Vector:
@@ -64,7 +57,7 @@ def _not_zero(value: Vector) -> Vector:
 class PartSection(BaseModel):
     """The part's file."""
 
-    model_config = _STRICT
+    model_config = STRICT
     file: str = Field(description=".step .stp .brep .stl .obj .3mf .mesh .msh .vtu or .npz, relative to the job file.")
     units: Literal["mm", "cm", "m", "in"] | None = Field(
         default=None,
@@ -76,14 +69,14 @@ class PartSection(BaseModel):
 class MeshSection(BaseModel):
     """The tet mesh."""
 
-    model_config = _STRICT
+    model_config = STRICT
     size: Positive | None = Field(default=None, description="Median edge of the tets, mm; default: from the part.")
 
 
 class MaterialSection(BaseModel):
     """A named material, numbers of one's own, or a name with some numbers replaced."""
 
-    model_config = _STRICT
+    model_config = STRICT
     name: str | None = Field(
         default=None, description="A material of the list, or with all numbers a name of one's own."
     )
@@ -115,7 +108,7 @@ class Support(Region):
 class Torque(BaseModel):
     """A couple about an axis. As it has no net force, it is the same about every parallel axis."""
 
-    model_config = _STRICT
+    model_config = STRICT
     moment: Number = Field(description="Moment, N mm, right-handed about the axis.")
     axis: Vector = Field(description="Direction of the axis; its length does not matter.")
     axis_point: Vector | None = Field(
@@ -158,7 +151,7 @@ class Load(Region):
 class CasesSection(BaseModel):
     """How several load cases make one design."""
 
-    model_config = _STRICT
+    model_config = STRICT
     combination: Literal["sum", "envelope"] = Field(
         default="sum", description="sum: the cases act at once; envelope: one at a time, either way round."
     )
@@ -168,7 +161,7 @@ class CasesSection(BaseModel):
 class Options(BaseModel):
     """Options of the stages."""
 
-    model_config = _STRICT
+    model_config = STRICT
     resolution: Positive | None = Field(
         default=None, description="Cells along the longest parametric range, the paper's rho; default 24."
     )
@@ -198,58 +191,10 @@ class Options(BaseModel):
         return self
 
 
-class SizingSection(BaseModel):
-    """What becomes of the radii that the knobs give: straight members, radii that suit the loads, braces."""
-
-    model_config = _STRICT
-    straight: Switch = Field(default=False, description="Members run along the chords between their nodes.")
-    by: SizedBy | None = Field(
-        default=None,
-        description="What gets radii of its own: member, curve (with a smooth change along it) or family; default: "
-        "nothing, the knobs decide.",
-    )
-    criterion: Literal["stress", "compliance"] = Field(
-        default="stress", description="stress: the highest load at first yield or buckling; compliance: the stiffest."
-    )
-    braces: Switch = Field(
-        default=False, description="Diagonals in cells that shear, if the sized truss is better for them."
-    )
-    volume_fraction: Annotated[Number, Field(gt=0, lt=1)] | None = Field(
-        default=None, description="Sum of the members' volumes over the part's; default: as the knobs make it."
-    )
-    off_axis: Annotated[Number, Field(ge=0, lt=90)] = Field(
-        default=OFF_AXIS_DEGREES, description="Each load counts also tilted to four sides by this angle, degrees."
-    )
-    buckling: Switch = Field(default=True, description="Members must not buckle before they yield.")
-    smallest_radius: Positive | None = Field(default=None, description="mm; default: a fifth of equal radii.")
-    largest_radius: Positive | None = Field(default=None, description="mm; default: a quarter of the cell edge.")
-
-    @property
-    def options(self) -> StrengthenOptions:
-        """The same as the options of `strengthen`."""
-        return StrengthenOptions(
-            straight=self.straight,
-            size_by=self.by,
-            criterion=self.criterion,
-            braces=self.braces,
-            volume_fraction=self.volume_fraction,
-            off_axis_degrees=self.off_axis,
-            buckling=self.buckling,
-            smallest_radius=self.smallest_radius,
-            largest_radius=self.largest_radius,
-        )
-
-    @model_validator(mode="after")
-    def _braces_are_sized(self) -> "SizingSection":
-        if self.braces and self.by is None:
-            raise ValueError("braces cost at equal radii and pay only where radii are sized: give by as well")
-        return self
-
-
 class OutputSection(BaseModel):
     """Which of the larger files to write; truss.json, design.npz and report.json are always written."""
 
-    model_config = _STRICT
+    model_config = STRICT
     step: Switch = Field(default=True, description="Write truss.step.")
     stl: Switch = Field(default=True, description="Write truss.stl.")
     preview: Switch = Field(default=True, description="Write preview.png.")
@@ -258,7 +203,7 @@ class OutputSection(BaseModel):
 class Setup(BaseModel):
     """Everything of a job but the part's file: for parts that come from Python."""
 
-    model_config = _STRICT
+    model_config = STRICT
     mesh: MeshSection = MeshSection()
     material: MaterialSection = MaterialSection()
     support: tuple[Support, ...] = ()
