@@ -140,7 +140,8 @@ def size_members(
     smallest, largest = _area_bounds(truss, lengths, volume, options)
     groups = group_members(truss, options.by)
     high = _room(groups, truss, smallest, largest, options)
-    x = np.minimum(np.full(groups.count, np.log(volume / lengths.sum())), high)
+    _require_room(groups, high, lengths, volume)
+    x = np.full(groups.count, np.log(volume / lengths.sum()))
     compliances: list[float] = []
     factors: list[float] = []
     best, change = x, np.inf
@@ -248,6 +249,15 @@ def _buckling_floor(groups: SizingGroups, solution: BeamSolution, areas: np.ndar
     low = np.full(groups.count, np.log(smallest))
     np.maximum.at(low, shares.col, np.log(floor)[shares.row])
     return low
+
+
+def _require_room(groups: SizingGroups, high: np.ndarray, lengths: np.ndarray, volume: float) -> None:
+    most = float(np.exp(groups.middle @ high) @ lengths)
+    require(
+        volume <= most,
+        f"members with room for their nodes hold at most {most:.4g} mm^3, found a volume of {volume:.4g} mm^3: choose "
+        "a smaller volume, a truss with longer members, or a largest radius",
+    )
 
 
 def _require_volume(groups: SizingGroups, low: np.ndarray, lengths: np.ndarray, volume: float) -> None:
