@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | edit | export | knobs | faces | check | schema`.
+"""The command line: `michell-cad design | edit | export | compare | knobs | faces | check | schema`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -110,6 +110,23 @@ def export(
         export_design(design_file, files, options, force, progress, console.print)
     for file in files:
         console.print(f"{file}: {_megabytes(file.stat().st_size)}")
+
+
+@app.command()
+def compare(
+    job: JobFile,
+    cells: Annotated[str, typer.Option(help="Cells of the grids along the longest side of the part.")] = "4,6,8",
+) -> None:
+    """Put the truss of a job beside grids and a ground structure of the same amount of material; no files."""
+    from michell_cad.comparison_table import show_comparison
+
+    sizes = cells.split(",")
+    if not all(size.strip().isdigit() and 1 <= int(size) <= 40 for size in sizes):
+        raise InvalidInputError(f"--cells {cells}: expected whole numbers from 1 to 40 with commas, such as 4,6,8")
+    console = _console()
+    with _stage_bars(console) as progress:
+        show = show_comparison(job, tuple(int(size) for size in sizes), progress)
+    show(console)
 
 
 @app.command()
@@ -233,6 +250,7 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
             f"{solid['volume_mm3']:.4g} mm3, {100 * summary['volume_fraction']:.1f} % of the part, "
             f"{summary['mass_g']:.4g} g",
         ),
+        ("strength", _strength_line(report["strength"])),
         ("files", ", ".join(_describe_file(name, entry) for name, entry in report["files"].items())),
         ("written to", str(out)),
     ]
@@ -251,6 +269,23 @@ def _describe_file(name: str, entry: dict[str, int]) -> str:
 
 def _megabytes(size: int) -> str:
     return f"{size / 1e6:.3g} MB"
+
+
+def _strength_line(strength: dict[str, Any] | None) -> str:
+    if strength is None:
+        return "not known, see the notes"
+    force, moment = strength["first_yield_n"], strength["first_yield_nmm"]
+    load = f"{force:.4g} N" if force is not None else f"{moment:.4g} N mm"
+    factor = strength["buckling_factor"]
+    buckling = "nothing buckles" if factor is None else f"a member buckles at {factor:.3g} x the loads"
+    return (
+        f"first yield at {load}, {strength['yield_factor']:.3g} x the loads; {buckling}\n"
+        f"peak stress {strength['peak_stress_mpa']:.4g} MPa on {strength['peak_stress']['curve']}, largest "
+        f"displacement {strength['displacement_mm']:.3g} mm\n"
+        f"{100 * strength['mass_share']:.1f} % of the mass of the solid part, "
+        f"{strength['compliance_over_solid']:.3g} x its compliance; pin-joint residual "
+        f"{strength['pin_joint_residual']:.2f}, rms frame shear {strength['rms_frame_shear']:.2f}"
+    )
 
 
 if __name__ == "__main__":

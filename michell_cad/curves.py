@@ -40,8 +40,9 @@ class NodeKind(IntEnum):
 TRACED_FAMILIES = ("tension", "compression", "third")
 """Families of the interior and boundary curves, see `metrics.name_families`."""
 
-FAMILIES = (*TRACED_FAMILIES, "feature", "added")
-"""Names of all families: the traced ones, sharp edges, and curves that a designer has added."""
+FAMILIES = (*TRACED_FAMILIES, "feature", "added", "brace")
+"""Names of all families: the traced ones, sharp edges, curves that a designer has added, and braces (see
+`strength.braces`), which are interior curves of one member without isovalues."""
 
 KINDS = tuple(CurveKind)
 """The kinds in the order in which arrays number them."""
@@ -61,7 +62,7 @@ class Curve:
     ----------
     kind : CurveKind
     family : one of `FAMILIES`.
-    axis : coordinate (0, 1, 2) along which the curve runs; -1 for a feature or an added curve.
+    axis : coordinate (0, 1, 2) along which the curve runs; -1 for features, added curves and braces.
     isovalues : integer coordinates of the curve, None for those that vary.
     component : 0, 1, ... numbers the curves that have the same kind and isovalues.
     nodes : (k,) int, nodes in order along the curve. A closed curve does not repeat its first node.

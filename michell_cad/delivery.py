@@ -5,12 +5,13 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from michell_cad.arrays import require
 from michell_cad.cad import (
     KeptSolid,
     TrussSolid,
@@ -19,6 +20,7 @@ from michell_cad.cad import (
     file_name,
     forecast_step,
     keep_material,
+    prepare_truss,
     resolve_radius,
     unite,
 )
@@ -28,7 +30,9 @@ from michell_cad.edits import (
     NO_EDITS,
     Attach,
     EditList,
+    Entasis,
     PlateMesh,
+    Radius,
     Structure,
     attachment_frames,
     build_sheets,
@@ -38,14 +42,16 @@ from michell_cad.edits import (
 )
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_folder
-from michell_cad.job import Job, OutputSection, Setup, build_problem, read_job
+from michell_cad.job import Job, Setup, build_problem, read_job
 from michell_cad.knobs import Knobs
+from michell_cad.output_section import OutputSection
 from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.picture import ShownMesh, render_truss
 from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
 from michell_cad.stage_cache import StageCache
+from michell_cad.strength import StrengthenReport, strength_block, strengthen, strengthen_block
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import SizedTruss
 from michell_cad.truss_json import write_truss_json
@@ -91,7 +97,7 @@ def deliver_job(
     result = design(problem, design_options(job), progress, cache)
     times.extend(result.times)
     with writing_folder(folder) as partial:
-        structure = replace(NO_EDITS.replay(result, job.knobs), kept=kept)
+        structure = replace(NO_EDITS.replay(result, job.knobs), kept=kept, sizing=job.sizing.options)
         report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
     return report
 
@@ -166,9 +172,11 @@ def write_results(
     progress : called with the name of a stage and the finished fraction of it.
     """
     result, mesh = structure.design, structure.whole_mesh
+    with _timed("sizing", times, progress):
+        sizing = size_for_loads(structure)
     with _timed("solid", times, progress):
-        solid, knobs = build_structure(structure, progress)
-    built = solid.prepared.sized
+        solid = build_united(structure, sizing, progress)
+    built, knobs = solid.prepared.sized, sizing.knobs
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
         files = [file_name(SOLID_STEM, name) for name in output.formats]
@@ -176,7 +184,7 @@ def write_results(
             export_solid(solid, folder / file, output.options)
             progress("export", 0.8 * (k + 1) / len(files))
         write_truss_json(folder / LAYOUT_FILE, built, splines, knobs)
-        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up, structure.kept)
+        save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up, structure.kept, structure.sizing)
         if len(edits):
             write_script(folder / EDITS_FILE, edits)
         plates = build_sheets(structure)
@@ -184,6 +192,8 @@ def write_results(
         if output.preview:
             shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
             render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, others=shown)
+    with _timed("strength", times, progress):
+        strength, strength_notes = _measure_strength(structure, solid)
     report = report_design(result, built.truss, times)
     report["solid"] = report_solid(solid)
     report["files"] = {file: {"bytes": (folder / file).stat().st_size} for file in files}
@@ -191,28 +201,85 @@ def write_results(
         step = report["files"][file_name(SOLID_STEM, "step")]
         step["forecast_bytes"] = forecast_step(solid, output.step_form, output.pcurves)
     report["summary"] |= _material_summary(structure, solid)
+    report["sizing"], report["strength"] = strengthen_block(sizing.report), strength
     report["knobs"] = knobs.model_dump(mode="json")
     report["edits"] = edits.plain()
     report |= extras
-    report["notes"] = _notes(report, knobs) + list(solid.report.messages)
+    report["notes"] = [*_notes(report, knobs), *sizing.notes, *strength_notes, *solid.report.messages]
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
 
 
-def build_structure(structure: Structure, progress: Progress) -> tuple[TrussSolid, Knobs]:
-    """The solid of a structure, united with what it keeps, and its knobs with the radius for a target volume."""
+@dataclass(frozen=True, eq=False)
+class Sizing:
+    """The radii of a structure, and where they come from.
+
+    Parameters
+    ----------
+    sized : the truss with its radii.
+    knobs : with the radius for a target volume or mass.
+    report : of sizing for the loads; None if the knobs and edits alone decide.
+    notes : what a reader of the report should know.
+    """
+
+    sized: SizedTruss
+    knobs: Knobs
+    report: StrengthenReport | None
+    notes: tuple[str, ...]
+
+
+def size_for_loads(structure: Structure) -> Sizing:
+    """Give every member its radius, by knobs and edits, and then as the loads want it, if the structure asks for that.
+
+    Sized is twice: thick members merge nodes and give way to each other in the solid, and forces go with them.
+    """
+    design = structure.design
     knobs = resolve_radius(
         structure.knobs,
         lambda knobs: size_structure(structure, knobs),
         structure.truss.spacing,
         float(structure.whole_mesh.volumes.sum()),
-        structure.design.problem.material.density,
+        design.problem.material.density,
     )
+    part, options = (design.problem, design.stress_field, design.parametrization), structure.sizing
     sized = size_structure(structure, knobs)
-    solid = build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
+    if options is None:
+        return Sizing(sized, knobs, None, ())
+    if options.size_by is not None:
+        require(not structure.others, "[sizing] knows the loads of one part only: leave it out for joined trusses")
+        require(
+            not structure.of_kind(Radius) and not structure.of_kind(Entasis),
+            "the radii of this design are sized for its loads, so that edits of radius and entasis have no say: design "
+            "it without `by` in [sizing], or leave these edits out",
+        )
+    sized, first, notes = strengthen(*part, sized, options)
+    if first is None:
+        return Sizing(sized, knobs, None, tuple(notes))
+    buildable = prepare_truss(sized, knobs).sized
+    volume_fraction = first.volume_mm3 / float(design.problem.mesh.volumes.sum())
+    sized, second, more = strengthen(*part, buildable, replace(options, braces=False, volume_fraction=volume_fraction))
+    assert second is not None
+    # Gains compare with equal members of the truss that the knobs chose.
+    gain = first.failure_gain * second.failure_factor / first.failure_factor
+    return Sizing(
+        sized, knobs, replace(second, options=options, failure_gain=gain), tuple(dict.fromkeys([*notes, *more]))
+    )
+
+
+def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
+    """The solid of a structure, united with what it keeps."""
+    solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
     if structure.kept:
         solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
-    return solid, knobs
+    return solid
+
+
+def _measure_strength(structure: Structure, solid: TrussSolid) -> tuple[dict[str, Any] | None, list[str]]:
+    if structure.others:
+        return None, ["the strength of joined trusses is not computed: the loads are known of one part only"]
+    design = structure.design
+    part = design.problem, design.stress_field, design.parametrization
+    return strength_block(*part, solid.prepared.sized, solid.report.volume_mm3)
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:

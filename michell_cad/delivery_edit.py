@@ -7,10 +7,10 @@ from typing import Any
 
 from michell_cad.arrays import require
 from michell_cad.delivery import DESIGN_FILE, Progress, require_place, write_results
-from michell_cad.design_file import load_design, load_edits, load_kept, load_up
+from michell_cad.design_file import load_design, load_edits, load_kept, load_sizing, load_up
 from michell_cad.edits import EditScript, change_knobs, read_script
 from michell_cad.files import writing_folder
-from michell_cad.job import OutputSection
+from michell_cad.output_section import OutputSection
 
 
 def deliver_edit(
@@ -57,6 +57,6 @@ def deliver_edit(
     knobs = change_knobs(knobs, changes or {})
     edits = load_edits(path).undone(undo).then(*added.edits.edits)
     require_place(folder, force)
-    structure = replace(edits.replay(design, knobs), kept=load_kept(path))
+    structure = replace(edits.replay(design, knobs), kept=load_kept(path), sizing=load_sizing(path))
     with writing_folder(folder) as partial:
         return write_results(partial, structure, edits, output or OutputSection(), load_up(path), [], progress)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from michell_cad.cad import ExportOptions, TrussSolid, export_solid, forecast_step, format_of
-from michell_cad.delivery import DESIGN_FILE, Progress, build_structure
+from michell_cad.delivery import DESIGN_FILE, Progress, build_united, size_for_loads
 from michell_cad.design_file import open_structure
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_files
@@ -36,7 +36,8 @@ def export_design(
         raise InvalidInputError("the same file is named twice")
     path = Path(design_file)
     with writing_files(files) as partials:
-        solid, _ = build_structure(open_structure(path / DESIGN_FILE if path.is_dir() else path), progress)
+        structure = open_structure(path / DESIGN_FILE if path.is_dir() else path)
+        solid = build_united(structure, size_for_loads(structure), progress)
         for k, (name, file, partial) in enumerate(zip(formats, files, partials, strict=True)):
             if name == "step":
                 size = forecast_step(solid, options.step_form, options.pcurves)

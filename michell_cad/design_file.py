@@ -24,6 +24,7 @@ from michell_cad.metrics import Alignment
 from michell_cad.parametrization import Parametrization, ParametrizationOptions
 from michell_cad.pipeline import Design, DesignOptions, StageTime
 from michell_cad.problem import DesignProblem, LoadCase, Material
+from michell_cad.strength import StrengthenOptions
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import CleaningReport, Truss, TrussOptions
 
@@ -45,8 +46,9 @@ def save_design(
     edits: EditList = NO_EDITS,
     up: int = DEFAULT_UP,
     kept: "Sequence[KeptSolid]" = (),
+    sizing: StrengthenOptions | None = None,
 ) -> None:
-    """Write a design, the knobs and edits it was built with, and the solids to unite it with.
+    """Write a design, the knobs and edits it was built with, the solids to unite it with, and how to size it.
 
     The file appears under its name only when it is complete. It holds the whole truss: knobs and edits are replayed.
     `up` is the axis (0, 1, 2) that points up in pictures.
@@ -99,6 +101,7 @@ def save_design(
         "knobs": knobs.model_dump(mode="json"),
         "edits": edits.plain(),
         "kept": [one.name for one in kept],
+        "sizing": None if sizing is None else asdict(sizing),
         "up": up,
     }
     with writing(Path(path)) as partial, partial.open("wb") as file:
@@ -140,10 +143,16 @@ def load_kept(path: str | Path) -> "tuple[KeptSolid, ...]":
     )
 
 
+def load_sizing(path: str | Path) -> StrengthenOptions | None:
+    """Read how a design is sized for its loads; errors as for `load_design`."""
+    options = _read(Path(path), only_meta=True)[1].get("sizing")
+    return None if options is None else StrengthenOptions(**options)
+
+
 def open_structure(path: str | Path) -> Structure:
     """Read a design file and replay its knobs and edits on the truss; errors as for both."""
     design, knobs = load_design(path)
-    return replace(load_edits(path).replay(design, knobs), kept=load_kept(path))
+    return replace(load_edits(path).replay(design, knobs), kept=load_kept(path), sizing=load_sizing(path))
 
 
 _KEPT = ("solids", "clearance")

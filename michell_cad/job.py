@@ -22,14 +22,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from michell_cad.arrays import require
-from michell_cad.cad.formats import ExportOptions, FormatName
-from michell_cad.cad.step import StepForm, StepSchema
 from michell_cad.domain.outline import Part
 from michell_cad.errors import InvalidInputError
+from michell_cad.job_values import STRICT, Number, Positive, Switch
 from michell_cad.knobs import Knobs
+from michell_cad.output_section import OutputSection
 from michell_cad.problem import (
     DesignProblem,
     LoadCase,
@@ -40,18 +40,13 @@ from michell_cad.problem import (
     surface_torque,
 )
 from michell_cad.selection import REGION_KEYS, Region, Vector, select_triangles
+from michell_cad.sizing_section import SizingSection
 
 DEFAULT_MATERIAL = "ABS"
 """The paper's printed examples are of ABS; the choice matters for masses and strengths, hardly for directions."""
 
 MAIN_CASE = "main"
 """Name of the case of loads that name none."""
-
-_STRICT = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-Number = Annotated[float, Field(strict=True)]
-Positive = Annotated[float, Field(strict=True, gt=0)]
-Switch = Annotated[bool, Field(strict=True)]
 
 
 def _not_zero(value: Vector) -> Vector:
@@ -63,7 +58,7 @@ def _not_zero(value: Vector) -> Vector:
 class PartSection(BaseModel):
     """The part's file."""
 
-    model_config = _STRICT
+    model_config = STRICT
     file: str = Field(description=".step .stp .brep .stl .obj .3mf .mesh .msh .vtu or .npz, relative to the job file.")
     units: Literal["mm", "cm", "m", "in"] | None = Field(
         default=None,
@@ -75,14 +70,14 @@ class PartSection(BaseModel):
 class MeshSection(BaseModel):
     """The tet mesh."""
 
-    model_config = _STRICT
+    model_config = STRICT
     size: Positive | None = Field(default=None, description="Median edge of the tets, mm; default: from the part.")
 
 
 class MaterialSection(BaseModel):
     """A named material, numbers of one's own, or a name with some numbers replaced."""
 
-    model_config = _STRICT
+    model_config = STRICT
     name: str | None = Field(
         default=None, description="A material of the list, or with all numbers a name of one's own."
     )
@@ -114,7 +109,7 @@ class Support(Region):
 class Torque(BaseModel):
     """A couple about an axis. As it has no net force, it is the same about every parallel axis."""
 
-    model_config = _STRICT
+    model_config = STRICT
     moment: Number = Field(description="Moment, N mm, right-handed about the axis.")
     axis: Vector = Field(description="Direction of the axis; its length does not matter.")
     axis_point: Vector | None = Field(
@@ -173,7 +168,7 @@ class Keep(Region):
 class CasesSection(BaseModel):
     """How several load cases make one design."""
 
-    model_config = _STRICT
+    model_config = STRICT
     combination: Literal["sum", "envelope"] = Field(
         default="sum", description="sum: the cases act at once; envelope: one at a time, either way round."
     )
@@ -183,7 +178,7 @@ class CasesSection(BaseModel):
 class Options(BaseModel):
     """Options of the stages."""
 
-    model_config = _STRICT
+    model_config = STRICT
     resolution: Positive | None = Field(
         default=None, description="Cells along the longest parametric range, the paper's rho; default 24."
     )
@@ -213,37 +208,10 @@ class Options(BaseModel):
         return self
 
 
-class OutputSection(BaseModel):
-    """Which files to write; truss.json, design.npz and report.json are always written."""
-
-    model_config = _STRICT
-    formats: tuple[FormatName, ...] = Field(
-        default=("step", "stl"),
-        description="Files of the solid; 3mf-beams has the members as a lattice of beams, glb is for viewing.",
-    )
-    step_form: StepForm = Field(default="solid", description="solid: one; assembly: one per curve and per node.")
-    step_schema: StepSchema = Field(default="AP214", description="Schema of the STEP file.")
-    pcurves: Switch = Field(default=False, description="Write STEP with the edges in the parameters of their faces.")
-    brep_binary: Switch = Field(default=False, description="Write BREP in binary, not as text.")
-    preview: Switch = Field(default=True, description="Write preview.png.")
-
-    @field_validator("formats")
-    @classmethod
-    def _each_once(cls, value: tuple[FormatName, ...]) -> tuple[FormatName, ...]:
-        if len(set(value)) == len(value):
-            return value
-        raise ValueError(f"expected every format at most once, found {', '.join(value)}")
-
-    @property
-    def options(self) -> ExportOptions:
-        """What the formats leave to choose."""
-        return ExportOptions(self.step_form, self.step_schema, self.pcurves, self.brep_binary)
-
-
 class Setup(BaseModel):
     """Everything of a job but the part's file: for parts that come from Python."""
 
-    model_config = _STRICT
+    model_config = STRICT
     mesh: MeshSection = MeshSection()
     material: MaterialSection = MaterialSection()
     support: tuple[Support, ...] = ()
@@ -252,6 +220,7 @@ class Setup(BaseModel):
     cases: CasesSection = CasesSection()
     options: Options = Options()
     knobs: Knobs = Knobs()
+    sizing: SizingSection = SizingSection()
     output: OutputSection = OutputSection()
 
     @model_validator(mode="after")

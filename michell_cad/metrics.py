@@ -108,6 +108,18 @@ def shear_residual(
     return float(mesh.volumes @ shear / total) if total > 0 else 0.0
 
 
+def rms_shear(mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"], directions: Float[np.ndarray, "n_t 3 3"]) -> float:
+    """(sum v |offdiag(B' dev sigma B)|_F^2 / sum v |dev sigma|_F^2)^(1/2), B the unit directions (columns).
+
+    The root mean square, which energy goes with, where `shear_residual` is a mean.
+    """
+    dev = deviator(stress)
+    S = np.einsum("tij,tik,tkl->tjl", directions, dev, directions, optimize=True)
+    shear = 2 * (S[:, 0, 1] ** 2 + S[:, 0, 2] ** 2 + S[:, 1, 2] ** 2)
+    total = mesh.volumes @ (dev**2).sum((1, 2))
+    return float(np.sqrt(mesh.volumes @ shear / total)) if total > 0 else 0.0
+
+
 def uncarried_stress(
     mesh: TetMesh, stress: Float[np.ndarray, "n_t 3 3"], directions: Float[np.ndarray, "n_t 3 3"]
 ) -> float:
@@ -115,13 +127,24 @@ def uncarried_stress(
 
     sum v |sigma - P sigma|_F / sum v |sigma|_F with P the orthogonal projection on the span of b_i b_i'.
     """
+    rest = stress - project_on_bars(stress, directions)
+    total = mesh.volumes @ np.linalg.norm(stress, axis=(1, 2))
+    return float(mesh.volumes @ np.linalg.norm(rest, axis=(1, 2)) / total) if total > 0 else 0.0
+
+
+def project_on_bars(
+    stress: Float[np.ndarray, "n 3 3"], directions: Float[np.ndarray, "n 3 3"]
+) -> Float[np.ndarray, "n 3 3"]:
+    """P sigma: the part of the stress that bars along the three directions (columns) can carry."""
     basis = np.stack([c * directions[:, i] * directions[:, j] for (i, j), c in _MANDEL], axis=1)
     sigma = np.stack([c * stress[:, i, j] for (i, j), c in _MANDEL], axis=1)
     # Orthonormal columns; directions that coincide leave a smaller span, which QR handles.
     Q, _ = np.linalg.qr(basis)
-    rest = sigma - np.einsum("tij,tj->ti", Q, np.einsum("tij,ti->tj", Q, sigma))
-    total = mesh.volumes @ np.linalg.norm(sigma, axis=1)
-    return float(mesh.volumes @ np.linalg.norm(rest, axis=1) / total) if total > 0 else 0.0
+    carried = np.einsum("tij,tj->ti", Q, np.einsum("tij,ti->tj", Q, sigma))
+    result = np.empty_like(stress)
+    for k, ((i, j), c) in enumerate(_MANDEL):
+        result[:, i, j] = result[:, j, i] = carried[:, k] / c
+    return result
 
 
 def misalignment(

@@ -143,7 +143,9 @@ def fit_splines(truss: Truss, straight: bool = False) -> MemberSplines:
     curve = np.repeat(np.arange(len(truss.curves)), [len(c.members) for c in truss.curves])
     points, following, step = _points(truss, start, member)
     is_feature = np.array([c.kind is CurveKind.FEATURE for c in truss.curves])
-    pieces = _bessel_pieces(points, following, np.where(is_feature, SHARP_FEATURE_BEND, SHARP_BEND)[curve[step]])
+    # A truss of straight members has a sharp bend at every point.
+    sharpest = np.where(is_feature, SHARP_FEATURE_BEND, SHARP_BEND)[curve[step]]
+    pieces = _bessel_pieces(points, following, np.full_like(sharpest, -1.0) if truss.straight else sharpest)
     # Each member takes the pieces of the curve that shapes it, once, in its own direction.
     mine = truss.shape_of_member[member] == curve
     once = np.zeros(len(member), bool)

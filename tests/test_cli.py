@@ -60,7 +60,7 @@ def test_design_writes_every_file_and_nothing_else(folder, results):
 def test_report_has_the_stated_blocks(results):
     report = json.loads((results / "report.json").read_text())
     stages = {"mesh", "elasticity", "frames", "parametrization", "isocurves", "truss", "solid", "export"}
-    assert set(report["wall_s"]) == set(report["cpu_s"]) == stages
+    assert set(report["wall_s"]) == set(report["cpu_s"]) == stages | {"sizing", "strength"}
     assert report["mesh"]["tets"] == 8 * 4 * 4 * 6
     assert report["parametrization"]["inverted_tets"] == 0
     assert report["truss"]["interior_degree_6"] == 1.0
@@ -74,7 +74,12 @@ def test_report_has_the_stated_blocks(results):
         "misalignment_distinct_deg",
         "angle_deg",
     }
-    solid, summary = report["solid"], report["summary"]
+    solid, summary, strength = report["solid"], report["summary"], report["strength"]
+    assert strength["mass_g"] == pytest.approx(summary["mass_g"])
+    assert strength["mass_share"] == pytest.approx(summary["volume_fraction"])
+    assert strength["compliance_over_solid"] > 1
+    assert 0 < strength["pin_joint_residual"] < 1
+    assert strength["peak_stress"]["case"] == "main"
     assert solid["valid"] is True
     assert solid["solids"] == report["truss"]["components"] == 1
     assert solid["genus"] == solid["expected_genus"]
@@ -215,3 +220,14 @@ def test_help_schema_and_wrong_words(folder):
     assert "part" in schema["required"]
     assert run("draw", cwd=folder).returncode == 2
     assert run("design", "job.toml", cwd=folder).returncode == 2
+
+
+def test_compare_puts_rivals_side_by_side(folder):
+    done = run("compare", "job.toml", "--cells", "2", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    for name in ("this truss", "grid 2x1x1 braced", "ground s. 2x1x1", "rms frame shear"):
+        assert name in done.stdout
+    assert "best" not in done.stdout
+    bad = run("compare", "job.toml", "--cells", "2,many", cwd=folder)
+    assert bad.returncode == 2
+    assert "expected whole numbers from 1 to 40" in bad.stderr

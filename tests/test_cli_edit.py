@@ -12,8 +12,8 @@ from michell_cad.cli_edit import read_knob_options
 from michell_cad.delivery_edit import deliver_edit
 from michell_cad.design_file import load_edits, save_design
 from michell_cad.errors import InvalidInputError
-from michell_cad.job import OutputSection
 from michell_cad.knobs import Knobs
+from michell_cad.output_section import OutputSection
 
 SCRIPT = """
 version = 1

@@ -23,6 +23,7 @@ from michell_cad.edits.sentences import selection_from
 from michell_cad.knobs import Knobs, choose_curves
 from michell_cad.metrics import name_families
 from michell_cad.pipeline import Design
+from michell_cad.strength import StrengthenOptions
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import Truss
 
@@ -80,6 +81,7 @@ class Structure:
     noted : edits of the finished truss, in order.
     others : the parts of trusses that were joined to this one.
     kept : solids with which the finished truss is united.
+    sizing : how its radii are made to suit the loads; None: knobs and edits decide.
     """
 
     design: Design
@@ -91,6 +93,7 @@ class Structure:
     noted: tuple["Edit", ...] = ()
     others: tuple[TetMesh, ...] = ()
     kept: "tuple[KeptSolid, ...]" = ()
+    sizing: StrengthenOptions | None = None
 
     @staticmethod
     def of(design: Design, knobs: Knobs) -> "Structure":

@@ -33,6 +33,7 @@ FAMILY_COLOURS: dict[str, Colour] = {
     "third": (0.90, 0.70, 0.22),
     "feature": (0.55, 0.57, 0.60),
     "added": (0.80, 0.47, 0.65),
+    "brace": (0.36, 0.25, 0.45),
 }
 """Red, blue and yellow stay apart for all common kinds of colour blindness and in grey, as P. Tol's high-contrast
 scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
@@ -40,7 +41,7 @@ scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
 GHOST: Colour = (0.45, 0.55, 0.66)
 """Colour of the ghost of the part."""
 
-_WORDS = {"feature": "sharp edges"}
+_WORDS = {"feature": "sharp edges", "brace": "braces"}
 
 PIECES = 6
 """Straight pieces in which a member is drawn if it is curved."""

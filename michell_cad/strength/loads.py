@@ -24,6 +24,7 @@ from scipy.spatial import KDTree
 from michell_cad.arrays import freeze, require
 from michell_cad.problem import DesignProblem
 from michell_cad.rigid_motions import RANK_TOLERANCE, rigid_motions
+from michell_cad.rotations import rotation_matrix
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import Truss
 
@@ -43,6 +44,9 @@ ON_VERTICES = 1e-3
 
 NODES_PER_REGION = 3
 """A held region that no node lies on holds so many of the nodes nearest to its vertices."""
+
+OFF_AXIS_DEGREES = 5.0
+"""Default tilt of loads: what a hand or a bolt misses by."""
 
 CANDIDATES = 32
 """Tets whose centroids are nearest to a node and are tried first for holding it."""
@@ -102,6 +106,38 @@ def carry_over_loads(problem: DesignProblem, truss: Truss) -> TrussLoading:
     carried = np.zeros((len(forces), len(truss.nodes), 6))
     carried[:, used] = spread_forces(problem.mesh.vertices, forces, truss.nodes[used])
     return TrussLoading(held_nodes(problem, truss), carried, names, weights)
+
+
+def add_off_axis_cases(loading: TrussLoading, degrees: float = OFF_AXIS_DEGREES) -> TrussLoading:
+    """The load cases, and each of them again tilted by an angle to four sides: no load is quite where it should be.
+
+    Forces and moments on the nodes keep their size and turn about two axes normal to each other and to the main
+    direction of the forces (the principal axis of sum f f', which a couple has, too), both ways. Each case shares its
+    weight with its four tilted ones. An angle of zero returns the loading as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        For an angle outside of [0, 90).
+    """
+    require(0 <= degrees < 90, f"degrees must lie in [0, 90), found {degrees}")
+    if degrees == 0:
+        return loading
+    angle = np.deg2rad(degrees)
+    forces, names = [], []
+    for name, force in zip(loading.names, loading.forces, strict=True):
+        f, m = force[:, :3], force[:, 3:]
+        main = np.linalg.eigh(f.T @ f if f.any() else m.T @ m)[1][:, 2]
+        first = np.cross(np.eye(3)[np.abs(main).argmin()], main)
+        first /= np.linalg.norm(first)
+        forces.append(force)
+        names.append(name)
+        for axis in (first, np.cross(main, first)):
+            for sign, word in ((1, "+"), (-1, "-")):
+                turn = rotation_matrix((sign * angle * axis)[None])[0]
+                forces.append(np.concatenate([f @ turn.T, m @ turn.T], axis=1))
+                names.append(f"{name}, {word}{degrees:g} degrees about ({', '.join(f'{x:.2g}' for x in axis + 0.0)})")
+    return TrussLoading(loading.held, np.array(forces), tuple(names), np.repeat(loading.weights / 5, 5))
 
 
 def spread_forces(

@@ -1,6 +1,6 @@
 """Parts of a truss that can move: with rigid joints, connected parts that their supports leave a rigid motion."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,7 +12,7 @@ from michell_cad.errors import InvalidInputError
 from michell_cad.problem import DesignProblem
 from michell_cad.rigid_motions import free_motions, name_motions, rigid_motions
 from michell_cad.strength.loads import held_nodes
-from michell_cad.truss import Truss, keep_curves
+from michell_cad.truss import SizedTruss, Truss, keep_curves
 
 NAMED_PARTS = 3
 """Loose parts that a message names; the others it counts."""
@@ -85,6 +85,47 @@ def keep_supported(problem: DesignProblem, truss: Truss) -> Truss:
             )
         truss = keep_curves(truss, np.array([not going[curve.members[0]] for curve in truss.curves]))
     return truss
+
+
+def leave_out_loose_parts(problem: DesignProblem, sized: SizedTruss) -> tuple[SizedTruss, list[str]]:
+    """The truss without its loose parts, with the same radii and nodes, and a note on each of the first loose parts.
+
+    Raises
+    ------
+    InvalidInputError
+        If nothing is left.
+    """
+    notes: list[str] = []
+    while loose := find_loose_parts(sized.truss, held_nodes(problem, sized.truss)):
+        notes += [f"a loose part carries nothing: {_describe(sized.truss, part)}" for part in loose[:NAMED_PARTS]]
+        if len(loose) > NAMED_PARTS:
+            notes.append(f"{len(loose) - NAMED_PARTS} more loose parts carry nothing")
+        stays = np.ones(len(sized.truss.members), bool)
+        stays[np.concatenate([part.members for part in loose])] = False
+        if not stays.any():
+            raise InvalidInputError(
+                f"no part of the truss is supported: {_describe(sized.truss, loose[0])}. Hold more faces, or keep "
+                "more curves"
+            )
+        sized = _keep_members(sized, stays)
+    return sized, notes
+
+
+def _keep_members(sized: SizedTruss, stays: Bool[np.ndarray, " n_m"]) -> SizedTruss:
+    """Whole connected parts of a truss; the other nodes stay, without members."""
+    truss = sized.truss
+    number = np.cumsum(stays) - 1
+    counts = np.diff(np.asarray(truss.waypoint_offsets))
+    kept = replace(
+        truss,
+        members=truss.members[stays],
+        curves=tuple(
+            replace(curve, members=number[curve.members]) for curve in truss.curves if stays[curve.members[0]]
+        ),
+        waypoints=np.asarray(truss.waypoints)[np.repeat(stays, counts)],
+        waypoint_offsets=np.concatenate([[0], np.cumsum(counts[stays])]),
+    )
+    return SizedTruss(kept, sized.radii[stays])
 
 
 def _describe(truss: Truss, part: LoosePart) -> str:

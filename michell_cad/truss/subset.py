@@ -139,6 +139,7 @@ def _dissolve(truss: Truss, curves: tuple[Curve, ...], used: np.ndarray, made: t
         truss.spacing,
         waypoints,
         np.concatenate([[0], np.cumsum(counts[sorting])]),
+        truss.straight,
     )
 
 

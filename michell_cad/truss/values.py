@@ -31,6 +31,7 @@ class Truss:
         from its first node to its second; those of member m are ``waypoint_offsets[m] : waypoint_offsets[m + 1]``.
         Default: none. A crossing node that a thinner truss no longer needs lives on as a waypoint.
     waypoint_offsets : (n_m + 1,) int.
+    straight : whether members run straight between their nodes and waypoints, instead of along smooth curves.
 
     Raises
     ------
@@ -45,6 +46,7 @@ class Truss:
     spacing: float
     waypoints: Float[np.ndarray, "n_w 3"] | None = None
     waypoint_offsets: Int[np.ndarray, " n_m1"] | None = None
+    straight: bool = False
 
     def __post_init__(self) -> None:
         if self.waypoints is None:

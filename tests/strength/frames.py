@@ -41,3 +41,42 @@ def loading(n_nodes, held, *cases) -> TrussLoading:
         for node, force in case.items():
             forces[number, node] = force
     return TrussLoading(fixed, forces, tuple(f"case {i}" for i in range(len(cases))), np.ones(len(cases)))
+
+
+def tower(storeys=3) -> SizedTruss:
+    """A twisted, leaning tower of triangles with one diagonal on each side, radii that differ from bar to bar."""
+    turn = 2 * np.pi * np.arange(3) / 3
+    nodes, members = [], []
+    for k in range(storeys + 1):
+        nodes += [[np.cos(a + 0.2 * k) + 0.1 * k, np.sin(a + 0.2 * k), 1.2 * k] for a in turn]
+    for k in range(storeys):
+        low, high = 3 * k, 3 * k + 3
+        for i in range(3):
+            members += [(low + i, high + i), (low + i, high + (i + 1) % 3), (high + i, high + (i + 1) % 3)]
+    sized = frame(nodes, members, 0.05)
+    return SizedTruss(sized.truss, sized.radii * (1 + np.arange(len(members)) % 3)[:, None])
+
+
+def box_grid(cells=(3, 2, 2)) -> SizedTruss:
+    """A regular grid of unit cells with a diagonal across the cells of one face."""
+    number = np.arange(np.prod(np.array(cells) + 1)).reshape(np.array(cells) + 1)
+    nodes = np.argwhere(number >= 0).astype(float)
+    members = [
+        pair
+        for axis in range(3)
+        for pair in zip(
+            number.take(range(cells[axis]), axis).ravel(),
+            number.take(range(1, cells[axis] + 1), axis).ravel(),
+            strict=True,
+        )
+    ]
+    members += list(zip(number[:-1, 0, :-1].ravel(), number[1:, 0, 1:].ravel(), strict=True))
+    return frame(nodes, members, 0.04)
+
+
+THREE_FRAMES = {
+    "cube": (cube_frame(0.2), loading(8, range(4), {6: (100.0, 0, -70.0, 0, 15.0, 0)})),
+    "tower": (tower(), loading(12, range(3), {10: (3.0, -2.0, -9.0, 0, 0, 0), 11: (0, 5.0, 0, 0, 0, 1.0)})),
+    "grid": (box_grid(), loading(36, range(9), {35: (0, 2.0, -5.0, 0, 0, 0)}, {31: (0, 0, 0, 0, 3.0, 0)})),
+}
+"""Frames with loads for the comparisons with independent programs."""

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from frames import STEEL, cube_frame, frame, loading
+from frames import STEEL, THREE_FRAMES, cube_frame, frame, loading
 from scipy.integrate import quad
 
 from michell_cad.errors import InvalidInputError
@@ -158,35 +158,36 @@ def test_forces_balance_at_every_node_and_energies_add_up():
     np.testing.assert_allclose(one_piece.peak_stress, solution.peak_stress, rtol=EXACT)
 
 
-def test_against_pynite():
+@pytest.mark.parametrize("name", THREE_FRAMES)
+def test_against_pynite(name):
     """Euler-Bernoulli members of an independent program."""
     from Pynite import FEModel3D
 
-    sized = cube_frame(0.2)
+    sized, load = THREE_FRAMES[name]
     other = FEModel3D()
-    area, inertia = np.pi * 0.04, np.pi * 0.2**4 / 4
     other.add_material("steel", E, G, NU, 0.0)
-    other.add_section("rod", area, inertia, inertia, 2 * inertia)
     for number, (x, y, z) in enumerate(sized.truss.nodes):
         other.add_node(f"N{number}", x, y, z)
     for number, (a, b) in enumerate(sized.truss.members):
-        other.add_member(f"M{number}", f"N{a}", f"N{b}", "steel", "rod")
-    for number in range(4):
+        r = float(sized.radii[number, 0])
+        inertia = np.pi * r**4 / 4
+        other.add_section(f"rod {number}", np.pi * r**2, inertia, inertia, 2 * inertia)
+        other.add_member(f"M{number}", f"N{a}", f"N{b}", "steel", f"rod {number}")
+    for number in np.flatnonzero(load.held.all(1)):
         other.def_support(f"N{number}", *[True] * 6)
-    for direction, force in (("FX", 100.0), ("FZ", -70.0), ("MY", 15.0)):
-        other.add_node_load("N6", direction, force)
+    for case, node, way in np.argwhere(load.forces):
+        kind = ("FX", "FY", "FZ", "MX", "MY", "MZ")[way]
+        other.add_node_load(f"N{node}", kind, load.forces[case, node, way], case=f"case {case}")
+    for case in range(len(load.names)):
+        other.add_load_combo(f"combo {case}", {f"case {case}": 1.0})
     other.analyze()
-    model = build_beam_model(sized, STEEL, shear_coefficient=np.inf)
-    solution = solve_beams(model, loading(8, range(4), {6: (100, 0, -70, 0, 15, 0)}))
-    u = np.array(
-        [
-            [getattr(node, f"{kind}{axis}")["Combo 1"] for kind in "DR" for axis in "XYZ"]
-            for node in other.nodes.values()
-        ]
-    )
-    np.testing.assert_allclose(solution.displacements[0], u, atol=1e-6 * np.abs(u).max())
-    axial = np.array([-member.f("Combo 1")[0, 0] for member in other.members.values()])
-    np.testing.assert_allclose(solution.axial_force[0, :, 0], axial, atol=1e-6 * np.abs(axial).max())
+    solution = solve_beams(build_beam_model(sized, STEEL, shear_coefficient=np.inf), load)
+    for case in range(len(load.names)):
+        combo, nodes = f"combo {case}", other.nodes.values()
+        u = np.array([[getattr(n, f"{kind}{axis}")[combo] for kind in "DR" for axis in "XYZ"] for n in nodes])
+        np.testing.assert_allclose(solution.displacements[case], u, atol=1e-6 * np.abs(u).max())
+        axial = np.array([-member.f(combo)[0, 0] for member in other.members.values()])
+        np.testing.assert_allclose(solution.axial_force[case, :, 0], axial, atol=1e-6 * np.abs(axial).max())
 
 
 def test_refusals():

@@ -7,7 +7,14 @@ from shapes import ABS, box_mesh, cantilever
 
 from michell_cad.errors import InvalidInputError
 from michell_cad.problem import DesignProblem, LoadCase, self_weight
-from michell_cad.strength.loads import carry_over_loads, held_nodes, locate, spread_forces
+from michell_cad.strength.loads import (
+    TrussLoading,
+    add_off_axis_cases,
+    carry_over_loads,
+    held_nodes,
+    locate,
+    spread_forces,
+)
 
 
 def resultant(points, forces, moments=0.0) -> np.ndarray:
@@ -136,3 +143,28 @@ def test_a_load_on_held_nodes_only_is_refused():
     truss = line(np.array([[0, 5, 5], [0, 30, 5], [0, 20, 30]], float))
     with pytest.raises(InvalidInputError, match="load case 'end' acts on no node that is free to move"):
         carry_over_loads(problem, truss)
+
+
+def test_off_axis_cases_are_the_load_tilted_to_four_sides():
+    forces = np.zeros((2, 3, 6))
+    forces[0, 1:, 1] = -5.0, -3.0
+    forces[1, 2, 3:] = 0, 0, 4.0
+    held = np.zeros((3, 6), bool)
+    held[0] = True
+    one = TrussLoading(held, forces, ("push", "turn"), np.array([1.0, 3.0]))
+    all_cases = add_off_axis_cases(one, 5.0)
+    assert len(all_cases.names) == 10
+    np.testing.assert_array_equal(all_cases.forces[[0, 5]], forces)
+    np.testing.assert_allclose(all_cases.weights, [0.2] * 5 + [0.6] * 5)
+    for first, axis in ((0, [0, -1, 0]), (5, [0, 0, 1])):
+        part = slice(None, 3) if first == 0 else slice(3, None)
+        tilted = all_cases.forces[first + 1 : first + 5, 2, part]
+        directions = tilted / np.linalg.norm(tilted, axis=1, keepdims=True)
+        np.testing.assert_allclose(np.linalg.norm(tilted, axis=1), np.linalg.norm(forces[first // 5, 2]))
+        np.testing.assert_allclose(directions @ axis, np.cos(np.deg2rad(5)))
+        np.testing.assert_allclose(directions.sum(0) / 4, np.cos(np.deg2rad(5)) * np.array(axis), atol=1e-15)
+        assert np.linalg.matrix_rank(directions) == 3
+    assert "+5 degrees" in all_cases.names[1]
+    assert add_off_axis_cases(one, 0.0) is one
+    with pytest.raises(InvalidInputError, match=r"degrees must lie in \[0, 90\), found 90"):
+        add_off_axis_cases(one, 90.0)

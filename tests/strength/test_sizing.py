@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from frames import STEEL, cube_frame, frame, loading
 
+from michell_cad.curves import Curve, CurveKind
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import SizingOptions, build_beam_model, size_members, solve_beams
+from michell_cad.strength.sizing import BUCKLING_MARGIN
+from michell_cad.strength.sizing_groups import group_members
+from michell_cad.truss import Truss
 
 FINE = SizingOptions(tolerance=1e-9, smallest_radius=1e-4, largest_radius=10.0)
 
@@ -87,12 +91,108 @@ def test_weights_of_load_cases_decide():
     np.testing.assert_allclose(areas_of(sized), [1.0, 2.0], rtol=1e-8)
 
 
+@pytest.mark.parametrize("pull", [1.0, -1.0])
+def test_stress_with_buckling_gives_every_bar_the_same_factor(pull):
+    """In tension A goes with N; in compression with N while it yields, with N^(1/2) L where it buckles first."""
+    truss, load, _ = stepped_bar()
+    load = replace(load, forces=10.0 * pull * load.forces)
+    options = replace(FINE, criterion="stress", buckling=True, tolerance=1e-12)
+    sized, report = size_members(truss, STEEL, load, 50.0, options)
+    force, L = 10 * pull * np.array([5.0, 4, 2, -1]), truss.lengths
+    yields = 235 * areas_of(sized) / np.abs(force)
+    buckles = np.where(force < 0, np.pi * 210000 * areas_of(sized) ** 2 / (4 * L**2 * np.abs(force)), np.inf)
+    np.testing.assert_allclose(np.minimum(yields, buckles), report.factors[-1], rtol=1e-6)
+    assert (buckles < yields).any()
+
+
+def test_compliance_with_buckling_stays_above_the_loads():
+    """The last bar alone is in compression: without buckling it gets 1/12 of N L, which buckles."""
+    truss, load, N = stepped_bar()
+    load = replace(load, forces=30.0 * load.forces)
+    slim, _ = size_members(truss, STEEL, load, 50.0, FINE)
+    safe, _ = size_members(truss, STEEL, load, 50.0, replace(FINE, buckling=True))
+    before, after = (np.pi * 210000 * areas_of(sized)[3] ** 2 / (4 * 40**2 * 30) for sized in (slim, safe))
+    assert before < 1
+    assert after == pytest.approx(BUCKLING_MARGIN**2, rel=1e-6)
+    np.testing.assert_allclose(areas_of(safe)[:3] / N[:3], areas_of(safe)[0] / 5, rtol=1e-7)
+    with pytest.raises(InvalidInputError, match=r"members that do not buckle at these loads take .* more than the vol"):
+        size_members(truss, STEEL, replace(load, forces=1e4 * load.forces), 50.0, replace(FINE, buckling=True))
+
+
+def arc_truss():
+    """A quarter circle of 16 members, with a strut from every fourth node to the centre."""
+    angle = np.linspace(0, np.pi / 2, 17)
+    nodes = np.concatenate([30 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1), [[0, 0, 0]]])
+    arc = np.stack([np.arange(16), np.arange(1, 17)], axis=1)
+    struts = np.array([[n, 17] for n in range(0, 17, 4)])
+    members = np.concatenate([arc, struts])
+    curves = [Curve(CurveKind.INTERIOR, "tension", 0, (None, 1, 1), 0, np.arange(17), np.arange(16), False)]
+    curves += [
+        Curve(CurveKind.INTERIOR, "compression", 1, (k, None, 1), 0, pair, np.array([16 + k]), False)
+        for k, pair in enumerate(struts)
+    ]
+    return Truss(nodes, np.zeros(18, int), members, tuple(curves), 20.0)
+
+
+def test_radii_of_a_curve_change_smoothly_and_those_of_a_family_not_at_all():
+    truss = arc_truss()
+    load = loading(18, [0, 17], {16: (3.0, 2.0, 1.0, 0, 0, 0)})
+    volume = 2.0 * truss.lengths.sum()
+    results = {}
+    for by in ("member", "curve", "family"):
+        for criterion in ("compliance", "stress"):
+            options = SizingOptions(criterion, by=by, tolerance=1e-3)
+            results[by, criterion] = size_members(truss, STEEL, load, volume, options)
+            sized = results[by, criterion][0]
+            assert build_beam_model(sized, STEEL).volume == pytest.approx(volume, rel=1e-9)
+    for criterion in ("compliance", "stress"):
+        sized, _ = results["curve", criterion]
+        np.testing.assert_allclose(sized.radii[:15, 2], sized.radii[1:16, 0], rtol=1e-12)  # no step at nodes
+        assert np.ptp(sized.radii[:16]) > 0.1 * sized.radii[:16].mean()
+        sized, _ = results["family", criterion]
+        assert np.ptp(sized.radii[:16]) == 0
+        assert np.ptp(sized.radii[16:]) == 0
+        assert sized.radii[0, 0] != sized.radii[16, 0]
+    # The more freedom, the better.
+    c = {
+        by: solve_beams(build_beam_model(results[by, "compliance"][0], STEEL), load).compliances[0] for by, _ in results
+    }
+    assert c["member"] < c["curve"] < c["family"] < results["family", "compliance"][1].compliances[0]
+    f = {by: max(results[by, "stress"][1].factors) for by, _ in results}
+    assert f["member"] > f["curve"] > f["family"] > 1.001 * results["family", "stress"][1].factors[0]
+
+
+def test_shares_of_groups_add_up():
+    for by in ("member", "curve", "family"):
+        groups = group_members(arc_truss(), by)
+        for W in (groups.middle, *groups.ends):
+            np.testing.assert_allclose(np.asarray(W.sum(1)).ravel(), 1)
+            assert W.min() >= 0
+    nodes = np.arange(8)
+    ring = Curve(CurveKind.INTERIOR, "third", 2, (1, 1, None), 0, nodes, np.array([0, 2, 3, 4, 5, 6, 7, 1]), True)
+    angle = nodes * np.pi / 4
+    truss = Truss(
+        np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1),
+        np.zeros(8, int),
+        np.array([[0, 1], [0, 7], *([k, k + 1] for k in range(1, 7))]),
+        (ring,),
+        1.0,
+    )
+    groups = group_members(truss, "curve")
+    radii = groups.radii(np.array([0.0, 1.0]))
+    assert groups.count == 2
+    np.testing.assert_allclose(radii[0, 0], radii[1, 0])  # both start at node 0, in opposite directions
+    np.testing.assert_allclose(radii[0, 2], radii[2, 0])
+
+
 def test_refusals():
     truss, load, _ = stepped_bar()
     with pytest.raises(InvalidInputError, match=r"volume must be positive, in mm\^3, found -1"):
         size_members(truss, STEEL, load, -1.0)
     with pytest.raises(InvalidInputError, match=r"needs a mean radius of 0.3989 mm, but members may have 1 to 2 mm"):
         size_members(truss, STEEL, load, 50.0, SizingOptions(smallest_radius=1.0, largest_radius=2.0))
+    with pytest.raises(InvalidInputError, match=r"hold at most 2\.827e\+04 mm\^3, found a volume of 3e\+04 mm\^3"):
+        size_members(replace(truss, spacing=1000.0), STEEL, load, 3e4)
     for wrong in ({"tolerance": 0.0}, {"steps": 0}, {"smallest_radius": -1.0}, {"largest_radius": np.inf}):
         with pytest.raises(InvalidInputError, match=f"{next(iter(wrong))} must"):
             SizingOptions(**wrong)
