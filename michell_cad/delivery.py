@@ -88,17 +88,25 @@ def _read_part(job: Job, cache: StageCache) -> Part:
     return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
 
 
-def design_job(job_file: str | Path, options: DesignOptions | None = None, cache: StageCache | None = None) -> Design:
-    """Design the truss of a job without building it; for scripts.
+def design_job(
+    job_file: str | Path,
+    options: DesignOptions | None = None,
+    cache: StageCache | None = None,
+    progress: Progress = lambda stage, fraction: None,
+) -> Design:
+    """Design the truss of a job without building it; for scripts and hosts.
 
     Parameters
     ----------
     job_file : the job; its knobs and outputs play no part.
     options : instead of those of the job.
     cache : see `deliver_job`.
+    progress : called with the name of a stage and the finished fraction of it.
     """
     job, cache = read_job(job_file), cache or StageCache.usual()
-    return design(build_problem(job, _read_part(job, cache)), options or design_options(job), cache=cache)
+    with _timed("mesh", [], progress):
+        part = _read_part(job, cache)
+    return design(build_problem(job, part), options or design_options(job), progress, cache)
 
 
 def design_options(job: Job) -> DesignOptions:
@@ -138,15 +146,7 @@ def write_results(
     """
     result, mesh = structure.design, structure.whole_mesh
     with _timed("solid", times, progress):
-        knobs = resolve_radius(
-            structure.knobs,
-            lambda knobs: size_structure(structure, knobs),
-            structure.truss.spacing,
-            float(mesh.volumes.sum()),
-            result.problem.material.density,
-        )
-        sized = size_structure(structure, knobs)
-        solid = build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
+        knobs, solid = build_structure(structure, progress)
     built = solid.prepared.sized
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
@@ -172,6 +172,29 @@ def write_results(
     report["notes"] = _notes(report, knobs) + list(solid.report.messages)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
+
+
+def build_structure(
+    structure: Structure, progress: Progress = lambda stage, fraction: None
+) -> tuple[Knobs, TrussSolid]:
+    """Build a structure; returns its knobs with the radius that they ask for, and the solid.
+
+    Raises
+    ------
+    InvalidInputError
+        For a radius, a volume or a mass that cannot be.
+    GeometryKernelError
+        If no valid solid comes out.
+    """
+    knobs = resolve_radius(
+        structure.knobs,
+        lambda knobs: size_structure(structure, knobs),
+        structure.truss.spacing,
+        float(structure.whole_mesh.volumes.sum()),
+        structure.design.problem.material.density,
+    )
+    sized = size_structure(structure, knobs)
+    return knobs, build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss) -> dict[str, Any]:

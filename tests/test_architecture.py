@@ -52,6 +52,7 @@ OUTSIDE = (
     "job",
     "picture",
     "selection",
+    "worker",
 )
 
 

@@ -18,6 +18,7 @@ from OCP.BRep import BRep_Builder, BRep_Tool
 from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
+from OCP.BRepTools import BRepTools
 from OCP.Geom import (
     Geom_BSplineCurve,
     Geom_BSplineSurface,
@@ -419,6 +420,12 @@ def write_step_file(
             raise GeometryKernelError(f"the kernel could not write the STEP file {path.name}: is the folder writable?")
     if progress is not None:
         progress(1.0)
+
+
+def write_brep_file(path: Path, shapes: Sequence[Any]) -> None:
+    """Write shapes as one BREP: the shape itself if there is one, a compound of several."""
+    if not BRepTools.Write_s(shapes[0] if len(shapes) == 1 else compound(shapes), str(path)):
+        raise GeometryKernelError(f"the kernel could not write the BREP file {path.name}: is the folder writable?")
 
 
 def read_step_file(path: Path) -> StepSummary:
