@@ -17,8 +17,8 @@ do           other keys                              result
 ===========  ======================================  ==================================================================
 
 Events: ``{"id", "event": "progress", "stage", "fraction"}``, and at the end of a request either ``{"id", "event":
-"done", "result"}`` or ``{"id", "event": "error", "kind", "message"}`` with the kind ``input`` (the input has to change),
-``failed``, ``cancelled``, ``protocol`` (the request is none) or ``bug``.
+"done", "result"}`` or ``{"id", "event": "error", "kind", "message"}`` with the kind ``input`` (the input has to
+change), ``failed``, ``cancelled``, ``protocol`` (the request is none) or ``bug``.
 
 Files appear whole or not at all. The worker holds nothing that is not in a file, so that a host may kill it at any time
 and start another; to cancel it asks first, and kills when no answer comes. When its input ends the worker cancels what

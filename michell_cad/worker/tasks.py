@@ -149,6 +149,7 @@ def run_job(session: Session, values: Mapping[str, Any], progress: Progress) -> 
 
 def build(session: Session, values: Mapping[str, Any], progress: Progress) -> dict[str, Any]:
     """Build a design and write its solid as BREP, all files or none."""
+    from michell_cad.cad import COLOURS
     from michell_cad.cad.brep import export_brep, export_family_breps, face_families
     from michell_cad.delivery import report_solid, whole_folder
 
@@ -163,8 +164,9 @@ def build(session: Session, values: Mapping[str, Any], progress: Progress) -> di
     return {
         "brep": str(Path(request.folder) / BREP_FILE),
         "families": {name: str(Path(request.folder) / file) for name, file in families.items()},
-        "family_names": names,
+        "family_names": list(names),
         "face_families": numbers.tolist(),
+        "colours": {name: COLOURS[name] for name in names},
         "knobs": knobs.model_dump(mode="json"),
         "radius_mm": float(solid.prepared.sized.radii.min()),
         "spacing_mm": truss.spacing,
