@@ -48,7 +48,7 @@ def describe_face(shape: Any, name: str) -> Face:
     return Face(name, face.Surface.TypeId, face.Area, (centre.x, centre.y, centre.z))
 
 
-def surface_kinds(shape: Any) -> "tuple[str, ...]":
+def surface_kinds(shape: Any) -> tuple[str, ...]:
     """Kinds of all surfaces, in order."""
     return tuple(face.Surface.TypeId for face in shape.Faces)
 

@@ -27,6 +27,19 @@ TAIL = 600
 """Characters of the worker's own complaints that a message shows."""
 
 
+Progress = Callable[[str, float], None]
+Wanted = Callable[[], bool]
+
+
+def _no_progress(stage: str, fraction: float) -> None:
+    """Show nothing."""
+
+
+def _always() -> bool:
+    """Never cancel."""
+    return True
+
+
 class WorkerError(Exception):
     """The worker could not do it; the text is for the designer.
 
@@ -46,16 +59,16 @@ class Worker:
     command : how to start it.
     """
 
-    def __init__(self, command: "list[str]") -> None:
+    def __init__(self, command: list[str]) -> None:
         self.command = command
         self._process: Any = None
         self._events: Any = SimpleQueue()
         self._complaints: Any = None
         self._number = 0
-        self._hello: "dict[str, Any] | None" = None
+        self._hello: dict[str, Any] | None = None
         self._in_use = Lock()
 
-    def hello(self) -> "dict[str, Any]":
+    def hello(self) -> dict[str, Any]:
         """What the worker said about itself: schema of the knobs, materials, stages."""
         with _held(self._in_use):
             return self._started()
@@ -63,10 +76,10 @@ class Worker:
     def ask(
         self,
         do: str,
-        values: "dict[str, Any]",
-        progress: "Callable[[str, float], None]" = lambda stage, fraction: None,
-        wanted: "Callable[[], bool]" = lambda: True,
-    ) -> "dict[str, Any]":
+        values: dict[str, Any],
+        progress: Progress = _no_progress,
+        wanted: Wanted = _always,
+    ) -> dict[str, Any]:
         """Ask for one thing and wait for the result.
 
         Parameters
@@ -97,7 +110,7 @@ class Worker:
         process.wait()
         process.stdin.close()
 
-    def _started(self) -> "dict[str, Any]":
+    def _started(self) -> dict[str, Any]:
         if self._process is not None and self._process.poll() is not None:
             self.close()
         if self._process is None:
@@ -105,9 +118,7 @@ class Worker:
             self._hello = None
         if self._hello is None:
             try:
-                self._hello = self._exchange(
-                    "hello", {"protocol": PROTOCOL}, lambda stage, fraction: None, lambda: True
-                )
+                self._hello = self._exchange("hello", {"protocol": PROTOCOL}, _no_progress, _always)
             except WorkerError as error:
                 self.close()
                 if error.kind != "died":
@@ -136,10 +147,10 @@ class Worker:
     def _exchange(
         self,
         do: str,
-        values: "dict[str, Any]",
-        progress: "Callable[[str, float], None]",
-        wanted: "Callable[[], bool]",
-    ) -> "dict[str, Any]":
+        values: dict[str, Any],
+        progress: Progress,
+        wanted: Wanted,
+    ) -> dict[str, Any]:
         self._number += 1
         number, patience = self._number, None
         self._send({"id": number, "do": do, **values})
@@ -166,7 +177,7 @@ class Worker:
                 text = messages.cancelled() if event["kind"] == "cancelled" else event["message"]
                 raise WorkerError(event["kind"], text)
 
-    def _send(self, request: "dict[str, Any]") -> None:
+    def _send(self, request: dict[str, Any]) -> None:
         try:
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
@@ -187,7 +198,7 @@ class Worker:
 
 
 @contextmanager
-def _held(lock: Any) -> "Iterator[None]":
+def _held(lock: Any) -> Iterator[None]:
     """Hold a lock, or say that the worker is busy."""
     if not lock.acquire(blocking=False):
         raise WorkerError("busy", messages.busy())

@@ -25,11 +25,11 @@ class Command:
     act : what it does.
     """
 
-    def __init__(self, name: str, text: str, tip: str, act: "Callable[[], None]") -> None:
+    def __init__(self, name: str, text: str, tip: str, act: Callable[[], None]) -> None:
         self._resources = {"Pixmap": icon(name), "MenuText": text, "ToolTip": tip}
         self._act = act
 
-    def GetResources(self) -> "dict[str, str]":
+    def GetResources(self) -> dict[str, str]:
         """What FreeCAD shows."""
         return self._resources
 
@@ -45,7 +45,7 @@ class Command:
             tell(str(error))
 
 
-def add_commands() -> "list[str]":
+def add_commands() -> list[str]:
     """Register all commands; returns their names."""
     commands = {
         "Michell_New": Command(

@@ -10,17 +10,18 @@ from michell_workbench.client import WorkerError
 from michell_workbench.session import close
 
 
-def run(script: "Callable[[], None]") -> None:
+def run(script: Callable[[], None]) -> None:
     """Run a function and end FreeCAD: code 0, or 1 with one readable message on standard error."""
-    code = 1
+    code, told = 1, False
     try:
         script()
         code = 0
     except (WorkerError, FacesGone, ValueError) as error:
+        told = True
         sys.stderr.write(f"michell_cad: {error}\n")
-    except BaseException:
-        traceback.print_exc()
     finally:
+        if code and not told:
+            traceback.print_exc()
         close()
         sys.stdout.flush()
         sys.stderr.flush()

@@ -30,12 +30,12 @@ def find_python(preference: str, environment: Mapping[str, str], record: Path = 
         return shutil.which("python3", path=path) or shutil.which("python", path=path) or "python3"
 
 
-def worker_command(python: str) -> "list[str]":
+def worker_command(python: str) -> list[str]:
     """How to start the worker."""
     return [python, "-m", "michell_cad.worker"]
 
 
-def worker_environment(environment: "Mapping[str, str] | None" = None) -> "dict[str, str]":
+def worker_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
     """The environment without what concerns FreeCAD's own Python."""
     given = os.environ if environment is None else environment
     return {name: value for name, value in given.items() if name not in HOST_VARIABLES}

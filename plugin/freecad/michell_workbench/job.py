@@ -31,7 +31,7 @@ class Face:
     name: str
     kind: str
     area: float
-    centre: "tuple[float, float, float]"
+    centre: tuple[float, float, float]
 
     @property
     def number(self) -> int:
@@ -43,7 +43,7 @@ class Face:
 class Support:
     """Faces that cannot move along the given axes."""
 
-    faces: "tuple[Face, ...]"
+    faces: tuple[Face, ...]
     axes: str = "xyz"
 
 
@@ -60,9 +60,9 @@ class Load:
     case : loads of one name act together.
     """
 
-    faces: "tuple[Face, ...]"
+    faces: tuple[Face, ...]
     kind: str = "force"
-    vector: "tuple[float, float, float]" = (0.0, 0.0, -100.0)
+    vector: tuple[float, float, float] = (0.0, 0.0, -100.0)
     value: float = 0.0
     case: str = "main"
 
@@ -84,9 +84,9 @@ class Setup:
     combination : of load cases, ``sum`` or ``envelope``.
     """
 
-    supports: "tuple[Support, ...]" = ()
-    loads: "tuple[Load, ...]" = ()
-    surfaces: "tuple[str, ...]" = ()
+    supports: tuple[Support, ...] = ()
+    loads: tuple[Load, ...] = ()
+    surfaces: tuple[str, ...] = ()
     material: str = "ABS"
     resolution: float = 24.0
     spacing: float = 0.0
@@ -95,7 +95,7 @@ class Setup:
     layers: str = "clear"
     combination: str = "sum"
 
-    def missing(self) -> "list[str]":
+    def missing(self) -> list[str]:
         """What has to be given before it can be computed."""
         missing = []
         if not self.supports:
@@ -104,14 +104,14 @@ class Setup:
             missing.append(translate("MichellCAD", "a load"))
         return missing
 
-    def places(self) -> "list[tuple[str, tuple[Face, ...]]]":
+    def places(self) -> list[tuple[str, tuple[Face, ...]]]:
         """Every support and load with its faces, named for messages."""
         support, load = translate("MichellCAD", "support {n}"), translate("MichellCAD", "load {n}")
         return [(support.format(n=n), s.faces) for n, s in enumerate(self.supports, 1)] + [
             (load.format(n=n), x.faces) for n, x in enumerate(self.loads, 1)
         ]
 
-    def with_faces(self, change: "Callable[[Face], Face]") -> "Setup":
+    def with_faces(self, change: Callable[[Face], Face]) -> "Setup":
         """The same with every face changed."""
         values = asdict(self)
         for place, owner in zip(values["supports"] + values["loads"], self.supports + self.loads, strict=True):
@@ -129,10 +129,10 @@ def from_json(text: str) -> Setup:
     return setup_of(json.loads(text)) if text else Setup()
 
 
-def setup_of(values: "Mapping[str, Any]") -> Setup:
+def setup_of(values: Mapping[str, Any]) -> Setup:
     """A setup from plain values."""
 
-    def faces(items: "list[dict[str, Any]]") -> "tuple[Face, ...]":
+    def faces(items: list[dict[str, Any]]) -> tuple[Face, ...]:
         return tuple(Face(**(item | {"centre": tuple(item["centre"])})) for item in items)
 
     supports = tuple(Support(**(item | {"faces": faces(item["faces"])})) for item in values["supports"])
@@ -142,7 +142,7 @@ def setup_of(values: "Mapping[str, Any]") -> Setup:
     return Setup(**(dict(values) | {"supports": supports, "loads": loads, "surfaces": tuple(values["surfaces"])}))
 
 
-def job_text(setup: Setup, part: str, knobs: "Mapping[str, Any]") -> str:
+def job_text(setup: Setup, part: str, knobs: Mapping[str, Any]) -> str:
     """The job file: `part` relative to it, and the knobs that are set."""
     tables = [("[part]", {"file": part}), ("[material]", {"name": setup.material})]
     if setup.mesh_size:
@@ -160,7 +160,7 @@ def job_text(setup: Setup, part: str, knobs: "Mapping[str, Any]") -> str:
     )
 
 
-def write_job(path: Path, setup: Setup, knobs: "Mapping[str, Any]", write_part: "Callable[[Path], None]") -> None:
+def write_job(path: Path, setup: Setup, knobs: Mapping[str, Any], write_part: Callable[[Path], None]) -> None:
     """Write a job file and the body's file beside it, each whole or not at all.
 
     Raises
@@ -182,7 +182,7 @@ def write_job(path: Path, setup: Setup, knobs: "Mapping[str, Any]", write_part: 
             partial.unlink(missing_ok=True)
 
 
-def _load_table(load: Load) -> "dict[str, Any]":
+def _load_table(load: Load) -> dict[str, Any]:
     case = {"case": load.case}
     if load.kind == "self_weight":
         return {"self_weight": list(load.vector), **case}

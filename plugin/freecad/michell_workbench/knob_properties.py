@@ -8,7 +8,7 @@ a length (unit mm)                        Length, which is never negative
 a number                                  FloatConstraint with the bounds
 a whole number                            IntegerConstraint with the bounds
 ... that may be none                      the value 0 says so
-... that may be one per family            three more IntegerConstraints: one less than the smallest value says "as above"
+... that may be one per family            three more IntegerConstraints: smallest value less one says "as above"
 ========================================  ==============================================================================
 """
 
@@ -50,14 +50,14 @@ class KnobProperty:
     knob: str
     kind: str
     default: Any
-    bounds: "tuple[float, float, float] | None" = None
-    choices: "tuple[str, ...]" = ()
+    bounds: tuple[float, float, float] | None = None
+    choices: tuple[str, ...] = ()
     unset: Any = None
-    family: "int | None" = None
+    family: int | None = None
     help: str = ""
 
 
-def properties_of(schema: "Mapping[str, Any]") -> "list[KnobProperty]":
+def properties_of(schema: Mapping[str, Any]) -> list[KnobProperty]:
     """Properties for the knobs of a JSON schema, in its order."""
     found = []
     for knob, field in schema.items():
@@ -75,7 +75,7 @@ def properties_of(schema: "Mapping[str, Any]") -> "list[KnobProperty]":
     return found
 
 
-def knobs_of(properties: "list[KnobProperty]", read: "Callable[[str], Any]") -> "dict[str, Any]":
+def knobs_of(properties: list[KnobProperty], read: Callable[[str], Any]) -> dict[str, Any]:
     """The knobs from values of the properties.
 
     Parameters
@@ -83,8 +83,8 @@ def knobs_of(properties: "list[KnobProperty]", read: "Callable[[str], Any]") -> 
     properties : PropertySpec of all knobs.
     read : value of the property of a name.
     """
-    knobs: "dict[str, Any]" = {}
-    each: "dict[str, list[Any]]" = {}
+    knobs: dict[str, Any] = {}
+    each: dict[str, list[Any]] = {}
     for p in properties:
         value = read(p.name)
         if p.family is not None:
@@ -100,7 +100,7 @@ def knobs_of(properties: "list[KnobProperty]", read: "Callable[[str], Any]") -> 
     return knobs
 
 
-def values_of(properties: "list[KnobProperty]", knobs: "Mapping[str, Any]") -> "dict[str, Any]":
+def values_of(properties: list[KnobProperty], knobs: Mapping[str, Any]) -> dict[str, Any]:
     """Values of the properties for knobs; the other way round."""
     values = {}
     for p in properties:
@@ -117,7 +117,7 @@ def values_of(properties: "list[KnobProperty]", knobs: "Mapping[str, Any]") -> "
     return values
 
 
-def rivals(properties: "list[KnobProperty]", one_of: "list[str]", name: str) -> "list[KnobProperty]":
+def rivals(properties: list[KnobProperty], one_of: list[str], name: str) -> list[KnobProperty]:
     """The properties that a newly set one replaces: of the knobs `one_of` only one may be set."""
     mine = [p.knob for p in properties if p.name == name]
     if not mine or mine[0] not in one_of:
@@ -125,7 +125,7 @@ def rivals(properties: "list[KnobProperty]", one_of: "list[str]", name: str) -> 
     return [p for p in properties if p.knob in one_of and p.name != name]
 
 
-def _choice(name: str, knob: str, forms: "list[Any]", default: str, note: str) -> KnobProperty:
+def _choice(name: str, knob: str, forms: list[Any], default: str, note: str) -> KnobProperty:
     single = [value for form in forms for value in form.get("enum", [form["const"]] if "const" in form else [])]
     choices = list(single)
     for form in forms:
@@ -134,7 +134,7 @@ def _choice(name: str, knob: str, forms: "list[Any]", default: str, note: str) -
     return KnobProperty(name, knob, "App::PropertyEnumeration", default, choices=tuple(choices), help=note)
 
 
-def _whole(name: str, knob: str, forms: "list[Any]", default: int, note: str, several: bool) -> "list[KnobProperty]":
+def _whole(name: str, knob: str, forms: list[Any], default: int, note: str, several: bool) -> list[KnobProperty]:
     low, high = int(_bound(forms, "minimum", 0)), int(_bound(forms, "maximum", UNBOUNDED))
     kind = "App::PropertyIntegerConstraint"
     found = [KnobProperty(name, knob, kind, default, (low, high, 1), help=note)]
@@ -149,7 +149,7 @@ def _whole(name: str, knob: str, forms: "list[Any]", default: int, note: str, se
 
 
 def _number(
-    name: str, knob: str, forms: "list[Any]", default: "float | None", note: str, unit: str, optional: bool
+    name: str, knob: str, forms: list[Any], default: float | None, note: str, unit: str, optional: bool
 ) -> KnobProperty:
     if optional:
         note += " 0: not set."
@@ -164,5 +164,5 @@ def _number(
     return KnobProperty(name, knob, "App::PropertyFloatConstraint", start, bounds, unset=unset, help=note)
 
 
-def _bound(forms: "list[Any]", key: str, otherwise: float) -> float:
+def _bound(forms: list[Any], key: str, otherwise: float) -> float:
     return next((form[key] for form in forms if key in form), otherwise)

@@ -20,7 +20,7 @@ def not_installed(python: str, said: str = "") -> str:
     return text.format(python=python, said=said, install=INSTALL)
 
 
-def worker_died(code: "int | None", said: str = "") -> str:
+def worker_died(code: int | None, said: str = "") -> str:
     """The worker process ended while it was wanted."""
     text = translate(
         "MichellCAD",
@@ -40,7 +40,7 @@ def busy() -> str:
     return translate("MichellCAD", "michell_cad is still computing another truss: wait until it is done, or cancel it.")
 
 
-def faces_gone(body: str, places: "list[str]") -> str:
+def faces_gone(body: str, places: list[str]) -> str:
     """Picked faces are no longer on the body."""
     text = translate(
         "MichellCAD",
@@ -103,7 +103,7 @@ def two_bodies(first: str, second: str) -> str:
     return text.format(first=first, second=second)
 
 
-def incomplete(missing: "list[str]") -> str:
+def incomplete(missing: list[str]) -> str:
     """What is still to be picked before computing."""
     text = translate("MichellCAD", "Before computing, give: {missing}.")
     return text.format(missing=", ".join(missing))

@@ -25,7 +25,7 @@ LARGEST = 1e9
 """Bound of number fields."""
 
 
-def open_panel(truss: "Any | None") -> "TrussPanel":
+def open_panel(truss: Any | None) -> "TrussPanel":
     """Show the form of a truss, or an empty one."""
     if Gui.Control.activeDialog():
         raise ValueError(translate("MichellCAD", "Another form is open: close it first."))
@@ -37,12 +37,12 @@ def open_panel(truss: "Any | None") -> "TrussPanel":
 class Computation(Thread):
     """One computation beside the window; the document is not touched by it."""
 
-    def __init__(self, shape: Any, setup: Setup, knobs: "dict[str, Any]", folder: Path) -> None:
+    def __init__(self, shape: Any, setup: Setup, knobs: dict[str, Any], folder: Path) -> None:
         super().__init__(daemon=True)
         self._given = (shape, setup, knobs, folder, worker())
         self.stage, self.fraction, self.cancelled = "", 0.0, False
-        self.result: "trusses.Computed | None" = None
-        self.error: "Exception | None" = None
+        self.result: trusses.Computed | None = None
+        self.error: Exception | None = None
 
     def run(self) -> None:
         """Compute; the form looks at the attributes now and then."""
@@ -58,11 +58,11 @@ class Computation(Thread):
 class TrussPanel:
     """A task panel; FreeCAD asks it for its form and its standard buttons."""
 
-    def __init__(self, document: Any, truss: "Any | None") -> None:
+    def __init__(self, document: Any, truss: Any | None) -> None:
         self.document, self.truss = document, truss
         self.setup = from_json(truss.Setup) if truss is not None else Setup()
         self.body = truss.Body if truss is not None else None
-        self._computation: "Computation | None" = None
+        self._computation: Computation | None = None
         self._folder: Any = None
         self._timer = QtCore.QTimer()
         self._timer.timeout.connect(self._look)
@@ -254,7 +254,7 @@ class TrussPanel:
         self.setup = replace(self.setup, loads=(*self.setup.loads, load))
         self._fill()
 
-    def _picked(self, what: str) -> "tuple[Any, ...]":
+    def _picked(self, what: str) -> tuple[Any, ...]:
         """The selected faces, all of the body of this truss."""
         picked = [
             (item.Object, name)
@@ -333,7 +333,7 @@ class TrussPanel:
         name = self.document.Label
         self.note.setText(messages.unsaved_document(name) if not self.document.FileName else self.truss.Status)
 
-    def _ready(self) -> "tuple[Any, Setup]":
+    def _ready(self) -> tuple[Any, Setup]:
         """The body's shape and the whole setup, as the form has them."""
         missing = self.setup.missing()
         if missing or self.body is None:
@@ -348,7 +348,7 @@ class TrussPanel:
         )
         return shape, setup
 
-    def _knobs(self) -> "dict[str, Any]":
+    def _knobs(self) -> dict[str, Any]:
         return trusses.read_knobs(self.truss) if self.truss is not None else {}
 
     def _save_job(self) -> None:
@@ -390,7 +390,7 @@ def _number(low: float, high: float, value: float, decimals: int = 3) -> Any:
     return field
 
 
-def _names(faces: "tuple[Any, ...]") -> str:
+def _names(faces: tuple[Any, ...]) -> str:
     return ", ".join(face.name for face in faces) or translate("MichellCAD", "whole body")
 
 

@@ -10,7 +10,7 @@ from michell_workbench.interpreter import find_python, worker_command
 
 PREFERENCES = "User parameter:BaseApp/Preferences/Mod/MichellCAD"
 
-_workers: "dict[str, Worker]" = {}
+_workers: dict[str, Worker] = {}
 
 
 def worker() -> Worker:

@@ -6,7 +6,7 @@ schema of the knobs. So a document opens without the worker, and a knob that is 
 
 import json
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,11 @@ import Part
 
 from michell_workbench import messages
 from michell_workbench.bodies import body_shape, find_faces, fingerprint
-from michell_workbench.client import Worker, WorkerError
+from michell_workbench.client import Progress, Wanted, Worker, WorkerError
 from michell_workbench.job import Setup, from_json, to_json, write_job
 from michell_workbench.knob_properties import GROUP, KnobProperty, knobs_of, properties_of, rivals, values_of
 from michell_workbench.session import worker as usual_worker
 from michell_workbench.texts import translate
-
-Progress = Callable[[str, float], None]
-Wanted = Callable[[], bool]
 
 HIDDEN_TEXTS = ("Setup", "Schema", "Built", "Fingerprint")
 """Properties that hold JSON and the like: the picks, the schema of the knobs, knobs of the shape, state of the body."""
@@ -54,10 +51,10 @@ class Computed:
     """
 
     setup: Setup
-    hello: "dict[str, Any]"
+    hello: dict[str, Any]
     design: Path
-    knobs: "dict[str, Any]"
-    built: "dict[str, Any]"
+    knobs: dict[str, Any]
+    built: dict[str, Any]
     shape: Any
     fingerprint: str
 
@@ -68,7 +65,7 @@ class Computed:
 def compute(
     shape: Any,
     setup: Setup,
-    knobs: "Mapping[str, Any]",
+    knobs: Mapping[str, Any],
     folder: Path,
     worker: Worker,
     progress: Progress = lambda stage, fraction: None,
@@ -93,7 +90,7 @@ def make_truss(
     document: Any,
     body: Any,
     setup: Setup,
-    knobs: "Mapping[str, Any] | None" = None,
+    knobs: Mapping[str, Any] | None = None,
     truss: Any = None,
     progress: Progress = lambda stage, fraction: None,
     wanted: Wanted = lambda: True,
@@ -199,7 +196,7 @@ def save_job(truss: Any, path: str) -> None:
     write_job(Path(path), setup, read_knobs(truss), lambda file: shape.exportBrep(str(file)))
 
 
-def read_knobs(truss: Any) -> "dict[str, Any]":
+def read_knobs(truss: Any) -> dict[str, Any]:
     """The knobs as the properties have them."""
 
     def plain(name: str) -> Any:
@@ -309,7 +306,7 @@ class _Bar:
 # --- properties ------------------------------------------------------------------------------------------------------
 
 
-def _properties(obj: Any) -> "list[KnobProperty]":
+def _properties(obj: Any) -> list[KnobProperty]:
     return properties_of(json.loads(obj.Schema)["knobs"]) if obj.Schema else []
 
 
@@ -318,7 +315,7 @@ def _constraint(p: KnobProperty, value: Any) -> Any:
     return (value, low, high, step)
 
 
-def _add_knobs(obj: Any) -> "list[KnobProperty]":
+def _add_knobs(obj: Any) -> list[KnobProperty]:
     """Add the properties of all knobs that the object does not have yet."""
     properties = _properties(obj)
     for p in properties:
@@ -331,7 +328,7 @@ def _add_knobs(obj: Any) -> "list[KnobProperty]":
     return properties
 
 
-def _show(obj: Any, built: "Mapping[str, Any]", shape: Any) -> None:
+def _show(obj: Any, built: Mapping[str, Any], shape: Any) -> None:
     """Give the object its shape, families and figures."""
     placement = obj.Placement
     obj.FamilyNames, obj.FaceFamilies = built["family_names"], built["face_families"]
@@ -369,7 +366,7 @@ def _design_of(obj: Any) -> str:
     return path
 
 
-def _read_shape(built: "Mapping[str, Any]") -> Any:
+def _read_shape(built: Mapping[str, Any]) -> Any:
     shape = Part.Shape()
     shape.read(built["brep"])
     return shape
