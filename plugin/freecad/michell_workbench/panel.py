@@ -21,6 +21,9 @@ from michell_workbench.texts import translate
 TICK = 100
 """Milliseconds between two looks at the computation."""
 
+NARROW = 44
+"""Smallest width of fields, and largest of buttons with one letter, pixels."""
+
 LARGEST = 1e9
 """Bound of number fields."""
 
@@ -114,11 +117,12 @@ class TrussPanel:
         )
         self.cancel_button.setEnabled(False)
         row = QtGui.QHBoxLayout()
-        for button in (self.compute_button, self.cancel_button, self.job_button):
-            row.addWidget(button)
+        row.addWidget(self.compute_button)
+        row.addWidget(self.cancel_button)
         for widget in (self.bar, self.note):
             column.addWidget(widget)
         column.addLayout(row)
+        column.addWidget(self.job_button)
 
     def _supports_box(self) -> Any:
         box = QtGui.QGroupBox(translate("MichellCAD", "Supports"))
@@ -126,10 +130,9 @@ class TrussPanel:
         self.supports = QtGui.QListWidget()
         self.supports.setMaximumHeight(80)
         row = QtGui.QHBoxLayout()
-        self.axes = QtGui.QComboBox()
+        self.axes = _narrow(QtGui.QComboBox())
         self.axes.addItems(["xyz", "xy", "xz", "yz", "x", "y", "z"])
         self.axes.setToolTip(translate("MichellCAD", "Axes of the document along which the faces cannot move"))
-        row.addWidget(QtGui.QLabel(translate("MichellCAD", "held along")))
         row.addWidget(self.axes)
         row.addWidget(
             _button(
@@ -138,7 +141,7 @@ class TrussPanel:
                 self._guarded(self.add_support),
             )
         )
-        row.addWidget(_button("-", translate("MichellCAD", "Remove the marked support"), self._remove_support))
+        row.addWidget(_button("-", translate("MichellCAD", "Remove the marked support"), self._remove_support, True))
         column.addWidget(self.supports)
         column.addLayout(row)
         return box
@@ -150,9 +153,9 @@ class TrussPanel:
         self.loads.setMaximumHeight(80)
         self.kind = QtGui.QComboBox()
         titles = {
-            "force": translate("MichellCAD", "force, N in all"),
+            "force": translate("MichellCAD", "force, N"),
             "pressure": translate("MichellCAD", "pressure, MPa"),
-            "torque": translate("MichellCAD", "torque, N mm, about an axis"),
+            "torque": translate("MichellCAD", "torque, N mm, axis"),
             "self_weight": translate("MichellCAD", "own weight, direction"),
         }
         for kind in LOAD_KINDS:
@@ -160,13 +163,12 @@ class TrussPanel:
         self.kind.currentIndexChanged.connect(self._show_load_fields)
         self.vector = [_number(-LARGEST, LARGEST, value) for value in (0.0, 0.0, -100.0)]
         self.value = _number(-LARGEST, LARGEST, 1.0)
-        self.case = QtGui.QLineEdit("main")
-        self.case.setToolTip(translate("MichellCAD", "Loads of the same case act together"))
+        self.case = _narrow(QtGui.QLineEdit("main"))
+        self.case.setToolTip(translate("MichellCAD", "Name of the load case; loads of the same case act together"))
         fields = QtGui.QHBoxLayout()
         for field in (*self.vector, self.value):
             fields.addWidget(field)
         row = QtGui.QHBoxLayout()
-        row.addWidget(QtGui.QLabel(translate("MichellCAD", "case")))
         row.addWidget(self.case)
         row.addWidget(
             _button(
@@ -175,7 +177,7 @@ class TrussPanel:
                 self._guarded(self.add_load),
             )
         )
-        row.addWidget(_button("-", translate("MichellCAD", "Remove the marked load"), self._remove_load))
+        row.addWidget(_button("-", translate("MichellCAD", "Remove the marked load"), self._remove_load, True))
         column.addWidget(self.loads)
         column.addWidget(self.kind)
         column.addLayout(fields)
@@ -375,15 +377,23 @@ class TrussPanel:
         return acting
 
 
-def _button(text: str, tip: str, act: Any) -> Any:
+def _narrow(field: Any) -> Any:
+    """Let a field be as narrow as FreeCAD's column of tasks needs it."""
+    field.setMinimumWidth(NARROW)
+    return field
+
+
+def _button(text: str, tip: str, act: Any, small: bool = False) -> Any:
     button = QtGui.QPushButton(text)
+    if small:
+        button.setMaximumWidth(NARROW)
     button.setToolTip(tip)
     button.clicked.connect(lambda *_: act())
     return button
 
 
 def _number(low: float, high: float, value: float, decimals: int = 3) -> Any:
-    field = QtGui.QDoubleSpinBox()
+    field = _narrow(QtGui.QDoubleSpinBox())
     field.setRange(low, high)
     field.setDecimals(decimals)
     field.setValue(value)

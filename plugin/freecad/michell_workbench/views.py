@@ -15,6 +15,7 @@ class TrussView:
         view.Proxy = self
         view.LineWidth = 1.0
         view.DisplayMode = "Shaded"
+        view.SelectionStyle = "BoundBox"  # the colours stay in sight while knobs are turned
         paint(view)
 
     def updateData(self, obj: Any, name: str) -> None:
