@@ -51,6 +51,7 @@ OUTSIDE = (
     "edits",
     "job",
     "picture",
+    "plugins",
     "selection",
     "worker",
 )
