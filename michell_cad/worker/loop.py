@@ -2,10 +2,11 @@
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from io import TextIOBase
 from queue import SimpleQueue
 from threading import Event, Lock, Thread
-from typing import Any, TextIO
+from typing import Any
 
 from michell_cad.errors import InvalidInputError, MichellError
 from michell_cad.worker.tasks import TASKS, Session
@@ -23,7 +24,7 @@ class Cancelled(Exception):
 class Host:
     """The other end: requests come from it in a thread of their own, so that a cancel is seen while something runs."""
 
-    def __init__(self, source: TextIO, target: TextIO) -> None:
+    def __init__(self, source: Iterable[str], target: TextIOBase) -> None:
         self.requests: SimpleQueue[Mapping[str, Any] | None] = SimpleQueue()
         self._target, self._writing = target, Lock()
         self._cancelled: set[Any] = set()
@@ -44,7 +45,7 @@ class Host:
         """Whether the result of a request is still wanted."""
         return number not in self._cancelled and not self._gone.is_set()
 
-    def _read(self, source: TextIO) -> None:
+    def _read(self, source: Iterable[str]) -> None:
         for line in source:
             try:
                 message = json.loads(line)
@@ -61,7 +62,7 @@ class Host:
         self.requests.put(None)
 
 
-def serve(source: TextIO, target: TextIO) -> None:
+def serve(source: Iterable[str], target: TextIOBase) -> None:
     """Do all requests of `source`, one after the other, until it ends."""
     host, session = Host(source, target), Session()
     while (request := host.requests.get()) is not None:

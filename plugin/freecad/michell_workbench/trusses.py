@@ -211,7 +211,7 @@ class MichellTruss:
 
     def __init__(self, obj: Any) -> None:
         obj.addProperty("App::PropertyLinkGlobal", "Body", "Design", "The body that the truss is made of")
-        obj.addProperty("App::PropertyFileIncluded", "DesignFile", "Design", "The design, inside the document", 0, True)
+        obj.addProperty("App::PropertyFileIncluded", "DesignFile", "Design", "", 0, True, True)
         for name in HIDDEN_TEXTS:
             obj.addProperty("App::PropertyString", name, "Design", "", 0, True, True)
         for kind, name, tip in FIGURES:
