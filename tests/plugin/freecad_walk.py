@@ -48,7 +48,7 @@ def main() -> None:
     (FOLDER / "found.json").write_text(json.dumps(found))
 
 
-def picks(body, resolution=5.0):
+def picks(body, resolution=4.0):
     """A support on one end of the bar, a load on the other."""
     from michell_workbench.bodies import body_shape, describe_face, surface_kinds
     from michell_workbench.job import Load, Setup, Support
@@ -61,7 +61,7 @@ def picks(body, resolution=5.0):
         (Load((loaded,), "force", (0.0, 0.0, -500.0)),),
         surface_kinds(shape),
         resolution=resolution,
-        mesh_size=9.0,
+        mesh_size=10.0,
     )
 
 

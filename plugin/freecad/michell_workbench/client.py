@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
 from typing import Any
@@ -64,6 +64,7 @@ class Worker:
         self._process: Any = None
         self._events: Any = SimpleQueue()
         self._complaints: Any = None
+        self._last_words = ""
         self._number = 0
         self._hello: dict[str, Any] | None = None
         self._in_use = Lock()
@@ -108,7 +109,11 @@ class Worker:
             else:
                 subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True, check=False)
         process.wait()
-        process.stdin.close()
+        with suppress(OSError):  # what was left to be sent
+            process.stdin.close()
+        self._complaints.seek(0)
+        self._last_words = self._complaints.read().decode("utf-8", "replace")[-TAIL:].strip()
+        self._complaints.close()
 
     def _started(self) -> dict[str, Any]:
         if self._process is not None and self._process.poll() is not None:
@@ -123,7 +128,7 @@ class Worker:
                 self.close()
                 if error.kind != "died":
                     raise
-                raise WorkerError("missing", messages.not_installed(self.command[0], self._complaint())) from error
+                raise WorkerError("missing", messages.not_installed(self.command[0], self._last_words)) from error
         return self._hello
 
     def _start(self) -> None:
@@ -141,6 +146,7 @@ class Worker:
                 encoding="utf-8",
             )
         except OSError as error:
+            self._complaints.close()
             raise WorkerError("missing", messages.not_installed(self.command[0], str(error))) from error
         Thread(target=_read_events, args=(self._process.stdout, self._events), daemon=True).start()
 
@@ -187,14 +193,7 @@ class Worker:
     def _death(self) -> WorkerError:
         code = self._process.wait()
         self.close()
-        return WorkerError("died", messages.worker_died(code, self._complaint()))
-
-    def _complaint(self) -> str:
-        """The end of what the worker wrote to standard error."""
-        if self._complaints is None:
-            return ""
-        self._complaints.seek(0)
-        return self._complaints.read().decode("utf-8", "replace")[-TAIL:].strip()
+        return WorkerError("died", messages.worker_died(code, self._last_words))
 
 
 @contextmanager
