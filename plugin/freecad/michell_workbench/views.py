@@ -19,8 +19,8 @@ class TrussView:
         paint(view)
 
     def updateData(self, obj: Any, name: str) -> None:
-        """Colour the faces of a new shape."""
-        if name == "Shape" and obj.ViewObject is not None:
+        """Colour the faces of a new shape: when `Built` is set after it, as FreeCAD first has to make its triangles."""
+        if name == "Built" and obj.ViewObject is not None:
             paint(obj.ViewObject)
 
     def getIcon(self) -> str:
