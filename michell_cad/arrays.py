@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Int
 
 from michell_cad.errors import InvalidInputError
 
@@ -32,3 +33,18 @@ def require(condition: Any, message: str) -> None:
     """Raise `InvalidInputError` with `message` unless `condition` holds."""
     if not bool(condition):
         raise InvalidInputError(message)
+
+
+def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    """Number of the owner, and running number within the owner, of ``counts[k]`` items for each owner k."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    ends = np.cumsum(counts)
+    return owner, np.arange(len(owner)) - (ends - counts)[owner]
+
+
+def same_as_previous(rows: np.ndarray) -> np.ndarray:
+    """Whether each row of a table but the first equals the one before (compared column by column, for speed)."""
+    same = np.ones(max(len(rows) - 1, 0), bool)
+    for column in rows.T:
+        same &= column[1:] == column[:-1]
+    return same

@@ -86,6 +86,8 @@ def edit(
     from michell_cad.cli_edit import read_knob_options
     from michell_cad.delivery_edit import deliver_edit
 
+    if str(design).startswith("-"):
+        raise InvalidInputError(f"michell-cad edit: DESIGN comes first, before {design}")
     console = _console()
     changes = read_knob_options(context.args, settings or [])
     with _stage_bars(console) as progress:

@@ -5,7 +5,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from michell_cad.edits import (
     NO_EDITS,
     Attach,
     EditList,
+    PlateMesh,
     Structure,
     attachment_frames,
     build_sheets,
@@ -30,7 +31,7 @@ from michell_cad.errors import InvalidInputError
 from michell_cad.job import Job, OutputSection, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.parametrization import ParametrizationOptions
-from michell_cad.picture import render_truss
+from michell_cad.picture import ShownMesh, render_truss
 from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
@@ -43,6 +44,7 @@ Progress = Callable[[str, float], None]
 
 STEP_FILE, STL_FILE, LAYOUT_FILE = "truss.step", "truss.stl", "truss.json"
 DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "design.npz", "preview.png", "report.json"
+SHEET_COLOUR = (0.5, 0.7, 0.5)
 EDITS_FILE, SHEETS_FILE, ATTACHMENTS_FILE = "edits.toml", "sheets.step", "attachments.step"
 
 
@@ -159,9 +161,11 @@ def write_results(
         save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up)
         if len(edits):
             write_script(folder / EDITS_FILE, edits)
-        extras = _write_extras(folder, structure, built)
+        plates = build_sheets(structure)
+        extras = _write_extras(folder, structure, built, plates)
         if output.preview:
-            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up)
+            shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
+            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, others=shown)
     report = report_design(result, built.truss, times)
     step_bytes = (folder / STEP_FILE).stat().st_size if output.step else None
     report["solid"] = report_solid(solid) | {"step_bytes": step_bytes}
@@ -197,13 +201,13 @@ def build_structure(
     return knobs, build_solid(sized, knobs, progress=lambda fraction: progress("solid", fraction))
 
 
-def _write_extras(folder: Path, structure: Structure, built: SizedTruss) -> dict[str, Any]:
+def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:
     """Write what edits add to the truss (sheets, attachments); returns the report's blocks about it, and about tags."""
     report: dict[str, Any] = {}
     tags = tagged_members(structure, built.truss)
     if tags:
         report["tags"] = {name: np.flatnonzero(mine).tolist() for name, mine in tags.items()}
-    plates, attachments = build_sheets(structure), structure.of_kind(Attach)
+    attachments = structure.of_kind(Attach)
     if plates or attachments:
         from michell_cad.cad.plates import export_shapes, place_copies, solid_of_plate
     if plates:

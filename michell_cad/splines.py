@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from michell_cad.arrays import freeze, require
+from michell_cad.arrays import expand, freeze, require
 from michell_cad.curves import Curve, CurveKind
-from michell_cad.isocurves.lattice import expand
 from michell_cad.truss.values import Truss, curve_steps
 
 SHARP_FEATURE_BEND = np.deg2rad(50.0)

@@ -64,18 +64,14 @@ class StageCache:
         if self.folder is None:
             return compute()
         path = self.folder / f"{stage}-{content_hash((stage, inputs))}.npz"
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                value = _unpack(kind, file, json.loads(str(file["plain"])), "")
-            path.touch()
-            return value
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        value = _read(path, kind)
+        if value is None:
             value = compute()
-        self._write(path, value)
+            self._write(path, value)
         return value
 
     def _write(self, path: Path, value: Any) -> None:
-        arrays: dict[str, np.ndarray] = {}
+        arrays: dict[str, Any] = {}
         plain: dict[str, Any] = {}
         _pack(value, arrays, plain, "")
         try:
@@ -94,6 +90,17 @@ class StageCache:
             total += size
             if total > LARGEST:
                 file.unlink(missing_ok=True)
+
+
+def _read(path: Path, kind: type[Value]) -> Value | None:
+    """A kept result, or None if there is none that can be read."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            value = _unpack(kind, file, json.loads(str(file["plain"])), "")
+        path.touch()  # used last now
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+    return value
 
 
 def content_hash(value: Any) -> str:
@@ -128,7 +135,7 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(f"{type(value).__name__} {value!r};".encode())
 
 
-def _pack(value: Any, arrays: dict[str, np.ndarray], plain: dict[str, Any], prefix: str) -> None:
+def _pack(value: Any, arrays: dict[str, Any], plain: dict[str, Any], prefix: str) -> None:
     """Put the fields of a dataclass into arrays and plain values, by their path."""
     for field in fields(value):
         item, name = getattr(value, field.name), prefix + field.name

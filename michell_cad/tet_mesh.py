@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, frozen, require
@@ -267,9 +267,14 @@ class TetMesh:
         """Edges of the boundary triangles, each once, vertices ascending."""
         return self._boundary_edge_numbering[0]
 
+    @property
+    def boundary_triangle_edges(self) -> Int[np.ndarray, "n_b 3"]:
+        """Edges of each boundary triangle (numbers into `boundary_edges`), between its vertices 01, 12, 20."""
+        return self._boundary_edge_numbering[1]
+
     @cached_property
-    def feature_edges(self) -> Int[np.ndarray, "n_fe 2"]:
-        """Sharp edges of the boundary: the normals of the two triangles differ by more than `FEATURE_COSINE` allows.
+    def is_feature_edge(self) -> Bool[np.ndarray, " n_be"]:
+        """Whether a boundary edge is sharp: the normals of its triangles differ by more than `FEATURE_COSINE` allows.
 
         An edge with more than two boundary triangles (a hinge of the solid) is sharp, too.
         """
@@ -278,7 +283,12 @@ class TetMesh:
         summed = np.zeros((len(edges), 3))
         np.add.at(summed, triangle_edges.ravel(), np.repeat(normals, 3, axis=0))
         cosine = (np.einsum("ed,ed->e", summed, summed) - 2) / 2
-        return frozen(edges[(counts != 2) | (cosine < FEATURE_COSINE)])
+        return frozen((counts != 2) | (cosine < FEATURE_COSINE))
+
+    @property
+    def feature_edges(self) -> Int[np.ndarray, "n_fe 2"]:
+        """The sharp edges of the boundary, vertices ascending."""
+        return self.boundary_edges[self.is_feature_edge]
 
     @cached_property
     def component_of_vertex(self) -> Int[np.ndarray, " n_v"]:

@@ -9,8 +9,10 @@ import pytest
 from designs import small_bar
 
 from michell_cad.cli_edit import read_knob_options
+from michell_cad.delivery_edit import deliver_edit
 from michell_cad.design_file import load_edits, save_design
 from michell_cad.errors import InvalidInputError
+from michell_cad.job import OutputSection
 from michell_cad.knobs import Knobs
 
 SCRIPT = """
@@ -18,8 +20,9 @@ version = 1
 [knobs]
 entasis = 0.2
 [[edit]]
-do = "remove"
-where = { family = "third", where = "inside" }
+do = "radius"
+where = { family = "compression", not = { where = "boundary" } }
+times = 1.2
 [[edit]]
 do = "sheet"
 coordinate = "compression"
@@ -66,45 +69,56 @@ def test_knobs_and_a_script_make_new_results(folder):
     assert report["tags"]["oak"]
     names = {file.name for file in (folder / "new").iterdir()}
     assert {"truss.step", "design.npz", "edits.toml", "sheets.step"} <= names
-    undone = run("edit", "new", "--undo", "3", "--entasis", "0.3", "--out", "back", cwd=folder)
-    assert undone.returncode == 0, undone.stderr
+    little = OutputSection(step=False, stl=False, preview=False)
+    deliver_edit(folder / "new", folder / "back", {"entasis": 0.3}, undo=3, output=little)
     assert len(load_edits(folder / "back/design.npz")) == 0
     assert json.loads((folder / "back/report.json").read_text())["knobs"]["radius"] == 0.7
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("design", "options", "message"),
     [
-        (("none.npz",), "no design file"),
-        (("design.npz", "--radiu", "1"), "did you mean radius"),
-        (("design.npz", "--set", "radius"), "name=value"),
-        (("design.npz", "--radius"), "--radius needs a value"),
-        (("design.npz", "--radius", "thick"), "radius: Input should be a valid number"),
-        (("design.npz", "--every", "400", "--offset", "100"), "no curve is left"),
-        (("design.npz", "--undo", "2"), "cannot undo 2 edits: there are 0"),
-        (("design.npz", "--script", "none.toml"), "cannot be read"),
+        ("none.npz", {}, "no design file"),
+        ("design.npz", {"changes": {"radius": "thick"}}, "radius: Input should be a valid number"),
+        ("design.npz", {"changes": {"every": 400, "offset": 100}}, "no curve is left"),
+        ("design.npz", {"undo": 2}, "cannot undo 2 edits: there are 0"),
+        ("design.npz", {"script": "none.toml"}, "cannot be read"),
     ],
 )
-def test_mistakes_are_one_message_and_leave_nothing(folder, arguments, message):
-    done = run("edit", *arguments, "--out", "failed", cwd=folder)
+def test_mistakes_are_one_message_and_leave_nothing(folder, design, options, message):
+    with pytest.raises(InvalidInputError, match=message):
+        deliver_edit(folder / design, folder / "failed", **options)
+    assert not (folder / "failed").exists()
+
+
+def test_the_command_says_what_is_wrong_and_leaves_nothing(folder):
+    done = run("edit", "design.npz", "--radiu", "1", "--out", "failed", cwd=folder)
     assert done.returncode == 2
-    assert message in done.stderr
+    assert "did you mean radius" in done.stderr
     assert "Traceback" not in done.stderr
     assert not (folder / "failed").exists()
 
 
 def test_the_folder_of_the_design_itself_is_refused(folder):
-    done = run("edit", "design.npz", "--out", ".", "--force", cwd=folder)
-    assert done.returncode == 2
-    assert "stays as it is" in done.stderr
+    with pytest.raises(InvalidInputError, match="stays as it is"):
+        deliver_edit(folder / "design.npz", folder, force=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["x"], "unexpected 'x'"), (["--radius"], "--radius needs a value"), (["--widht=3"], "unknown option or knob")],
+)
+def test_bad_options_are_refused(arguments, message):
+    with pytest.raises(InvalidInputError, match=message):
+        read_knob_options(arguments, [])
+    with pytest.raises(InvalidInputError, match="name=value"):
+        read_knob_options([], ["radius"])
 
 
 def test_options_are_the_knobs_of_the_schema(folder):
     arguments = [text for name in Knobs.model_fields for text in (f"--{name.replace('_', '-')}", "1")]
     assert set(read_knob_options(arguments, [])) == set(Knobs.model_fields)
     assert read_knob_options(["--every", "2,1,1"], ["family=third"]) == {"family": "third", "every": (2, 1, 1)}
-    with pytest.raises(InvalidInputError, match="unexpected 'x'"):
-        read_knob_options(["x"], [])
     shown = run("knobs", cwd=folder).stdout
     for name in Knobs.model_fields:
         assert name in shown

@@ -7,7 +7,9 @@ from typing import Any
 import build123d as bd
 import cadquery as cq
 import numpy as np
+from build123d.topology import Shape
 from cadquery.occ_impl.shapes import shell as sewn
+from cadquery.occ_impl.shapes import solid as solid_from
 
 from michell_cad.edits import Frames, PlateMesh
 from michell_cad.errors import GeometryKernelError, InvalidInputError
@@ -35,7 +37,7 @@ def solid_of_plate(plate: PlateMesh) -> bd.Solid:
     ]
     ends = plate.vertices[plate.triangles]
     shortest = float(np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).min())
-    solid = cq.Solid.makeSolid(sewn(faces, tol=SEWING * shortest))
+    solid = solid_from(sewn(faces, tol=SEWING * shortest))
     if not solid.isValid() or abs(solid.Volume() / plate.volume - 1) > LARGEST_VOLUME_DIFFERENCE:
         raise GeometryKernelError(
             f"a sheet of {len(faces)} triangles makes no valid solid: volume {solid.Volume():.6g} mm^3, its mesh "
@@ -52,9 +54,9 @@ def place_copies(shape: Any, frames: Frames) -> bd.Compound:
             raise InvalidInputError(f"edit 'attach': there is no file {path}; expected a .step or .brep part")
         shape = bd.import_brep(str(path)) if path.suffix.lower() in (".brep", ".brp") else bd.import_step(str(path))
     elif isinstance(shape, cq.Workplane):
-        shape = bd.Shape.cast(shape.val().wrapped)
-    elif isinstance(shape, cq.Shape):
-        shape = bd.Shape.cast(shape.wrapped)
+        shape = shape.val()
+    if isinstance(shape, cq.Shape):
+        shape = Shape.cast(shape.wrapped)
     places = [
         bd.Plane(tuple(origin), x_dir=tuple(axes[:, 0]), z_dir=tuple(axes[:, 2])).location
         for origin, axes in zip(np.asarray(frames.origins), np.asarray(frames.axes), strict=True)
@@ -62,7 +64,7 @@ def place_copies(shape: Any, frames: Frames) -> bd.Compound:
     return bd.Compound([shape.moved(place) for place in places])
 
 
-def export_shapes(shapes: Sequence[bd.Shape], path: str | Path) -> None:
+def export_shapes(shapes: Sequence[Shape], path: str | Path) -> None:
     """Write shapes as STEP, in mm; the file is there whole or not at all.
 
     Raises

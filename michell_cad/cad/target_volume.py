@@ -9,7 +9,7 @@ change at some radius (members merged) the volume jumps a little, hence the two 
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from michell_cad.arrays import require
 from michell_cad.cad.mesh import mesh_truss
@@ -76,7 +76,7 @@ def resolve_radius(
         f"{said} = {goal / unit:.4g} cannot be met: members of {low:.3g} mm give about {thin / unit:.3g}, of "
         f"{high:.3g} mm {thick / unit:.3g}; choose a value in between, or other families and density",
     )
-    start = float(brentq(lambda r: estimate(r) - goal, low, high, rtol=0.1 * CLOSE))
+    start = float(root_scalar(lambda r: estimate(r) - goal, bracket=(low, high), rtol=0.1 * CLOSE).root)
     found = solve_radius(meshed, goal, start)
     if found is None:
         raise InvalidInputError(

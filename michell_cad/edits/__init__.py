@@ -16,8 +16,8 @@ from michell_cad.edits.selections import (
     Near,
     Selection,
     Where,
-    selection_from,
 )
+from michell_cad.edits.sentences import selection_from
 from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
 from michell_cad.edits.sizing import Entasis, Radius, size_structure
 from michell_cad.edits.snapping import Snap

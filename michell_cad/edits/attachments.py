@@ -70,18 +70,17 @@ def attachment_frames(structure: Structure, edit: Attach, truss: Truss | None = 
         for curve, mine in zip(truss.curves, chosen, strict=True)
         if mine
     ]
-    frames = Frames(
+    return Frames(
         np.concatenate([np.zeros((0, 3)), *(f.origins for f in made)]),
         np.concatenate([np.zeros((0, 3, 3)), *(f.axes for f in made)]),
     )
-    require(len(frames.origins), f"edit 'attach': every selected curve is shorter than the spacing {edit.spacing:g} mm")
-    return frames
 
 
 def frames_along(truss: Truss, splines: MemberSplines, curve: Curve, spacing: float, up: np.ndarray) -> Frames:
     """Frames at equal arc lengths along a curve.
 
-    An open curve has them at both sides of its middle, so that equal rests are left at its ends; a closed one has a
+    An open curve has them at both sides of its middle, so that equal rests are left at its ends (one that is shorter
+    than the spacing has one, in its middle); a closed one has a
     whole number of them all around, as near to the spacing as that allows.
     """
     points = _polyline(truss, splines, curve)

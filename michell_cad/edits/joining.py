@@ -29,7 +29,10 @@ REACH = 1.0
 
 
 class Join(Edit):
-    """The truss of another design, with its own knobs and edits, joined to this one."""
+    """The truss of another design, with its own knobs and edits, joined to this one.
+
+    Its curves are chosen and edited as its own file says; radii, tags, sheets and attachments are those of this design.
+    """
 
     do: Literal["join"] = "join"
     design: str = Field(description="The other design file, in the same coordinates.")
@@ -63,7 +66,7 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
         f"edit 'join': the parts have no common face: {len(hosts)} nodes of the first truss and {in_face.sum()} of the "
         f"second lie within {ON_FACE * spacing:.3g} mm of the other part; both must be in the same coordinates",
     )
-    across = ~in_face[second.members].all(1)
+    across = np.asarray(~in_face[second.members].all(1))
     guests = np.intersect1d(np.flatnonzero(in_face), second.members[across])
     away = np.linalg.norm(second.nodes[guests, None] - first.nodes[hosts], axis=2)
     rows, columns = linear_sum_assignment(np.minimum(away, 2 * reach) ** 2)

@@ -9,15 +9,11 @@ their pieces (radii, tags).
 * What is said about a place (a box, a ball, a solid) holds for the members whose middle lies there, and for the curves
   with at least one such member.
 
-``a & b``, ``a | b`` and ``~a`` combine them. The plain form (JSON, TOML) is a table: its keys must all hold, `any` and
-`all` take lists of tables and `not` takes one::
-
-    { family = "compression", length = [20, 80], not = { near = [0, 0, 40], within = 5 } }
+``a & b``, ``a | b`` and ``~a`` combine them. `sentences` gives the plain form, a table for TOML and JSON.
 """
 
 import difflib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,7 +43,7 @@ class Selection(ABC):
 
     @abstractmethod
     def plain(self) -> dict[str, Any]:
-        """The selection as a table of plain values, see `selection_from`."""
+        """The selection as a table of plain values, see `sentences`."""
 
     def __and__(self, other: "Selection") -> "Selection":
         return AllOf((self, other))
@@ -235,7 +231,7 @@ class Box(_OfPlaces):
 
     def holds(self, points: np.ndarray) -> np.ndarray:
         low, high = np.minimum(self.one, self.other), np.maximum(self.one, self.other)
-        return ((points >= low) & (points <= high)).all(1)
+        return np.asarray(((points >= low) & (points <= high)).all(1))
 
     def plain(self) -> dict[str, Any]:
         return {"box": [list(self.one), list(self.other)]}
@@ -271,7 +267,8 @@ class InSolid(_OfPlaces):
         from michell_cad.domain import read_outline  # CAD loads only where a solid is asked for
 
         surface = read_outline(self.file).surface
-        return np.asarray(igl.fast_winding_number(surface.vertices, surface.triangles, points)) > 0.5
+        winding = igl.fast_winding_number(surface.vertices, surface.triangles, points)
+        return np.asarray(np.asarray(winding) > 0.5)
 
     def plain(self) -> dict[str, Any]:
         return {"solid": self.file}
@@ -342,62 +339,3 @@ def as_point(value: Any, name: str) -> Point:
         raise InvalidInputError(f"{name} must be three numbers in mm, found {value!r}") from None
     require(np.isfinite([x, y, z]).all(), f"{name} must be finite, found {value!r}")
     return x, y, z
-
-
-# --- the plain form --------------------------------------------------------------------------------------------------
-
-_SENTENCES: dict[str, Callable[[Any, dict[str, Any]], Selection]] = {
-    "family": lambda value, more: Family(tuple(value) if isinstance(value, list) else value, more.pop("surface", True)),
-    "label": lambda value, more: Label(_given(more, "coordinate", "label"), *_pair(value, "label")),
-    "every": lambda value, more: Every(int(value), int(more.pop("offset", 0))),
-    "length": lambda value, more: Length(*value),
-    "where": lambda value, more: Where(value),
-    "box": lambda value, more: Box(*(as_point(corner, "a corner of the box") for corner in _pair(value, "box"))),
-    "near": lambda value, more: Near(as_point(value, "near"), float(_given(more, "within", "near"))),
-    "solid": lambda value, more: InSolid(str(value)),
-    "any": lambda value, more: AnyOf(tuple(selection_from(part) for part in value)),
-    "all": lambda value, more: AllOf(tuple(selection_from(part) for part in value)),
-    "not": lambda value, more: NotOf(selection_from(value)),
-}
-"""What each key of a table selects; some take a second key along."""
-
-_SECOND = {"surface": "family", "coordinate": "label", "offset": "every", "within": "near"}
-
-
-def selection_from(table: Mapping[str, Any]) -> Selection:
-    """The selection that a table of plain values means; all of its keys must hold. An empty table is everything.
-
-    Raises
-    ------
-    InvalidInputError
-        For an unknown key or a value that is not what its key expects.
-    """
-    require(isinstance(table, Mapping), f"a selection is a table such as {{ family = 'tension' }}, found {table!r}")
-    more = {key: value for key, value in table.items() if key in _SECOND}
-    parts = []
-    for key, value in table.items():
-        if key in _SECOND:
-            continue
-        if key not in _SENTENCES:
-            near = difflib.get_close_matches(key, _SENTENCES, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known keys: {', '.join(_SENTENCES)}"
-            raise InvalidInputError(f"selection: unknown key {key!r}; {hint}")
-        try:
-            parts.append(_SENTENCES[key](value, more))
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"selection: {key} = {value!r} is not what {key} expects ({error})") from error
-    for key in more:
-        raise InvalidInputError(f"selection: {key} goes with {_SECOND[key]}, which is not there")
-    if len(parts) == 1:
-        return parts[0]
-    return AllOf(tuple(parts)) if parts else Everything()
-
-
-def _given(more: dict[str, Any], key: str, owner: str) -> Any:
-    require(key in more, f"selection: {owner} needs {key} as well")
-    return more.pop(key)
-
-
-def _pair(value: Any, key: str) -> tuple[Any, Any]:
-    require(isinstance(value, list | tuple) and len(value) == 2, f"selection: {key} takes two values, found {value!r}")
-    return value[0], value[1]

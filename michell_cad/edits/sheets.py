@@ -23,6 +23,10 @@ from michell_cad.tet_mesh import TetMesh
 COARSEST = 0.02
 """Triangles are merged where that moves the plate by less (relative to its thickness)."""
 
+GENERIC = 1e-3
+"""A vertex of the mesh nearer to the value than this (in cells) counts as that far above it: an isosurface through
+vertices has triangles without area, and thus without a normal."""
+
 RIM = 1.5
 """The plate is carried on beyond the part by this multiple of its thickness before it is cut."""
 
@@ -135,11 +139,13 @@ def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, th
 def trace_isosurface(
     mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float
 ) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "t 3"]]:
-    """Triangles of {phi = value} in every tet; their normals point to where phi grows. Vertices at the value are above.
+    """Triangles of {phi = value} in every tet; their normals point to where phi grows.
 
-    Neighbouring tets share the vertices on their edges, so that the surface ends on the surface of the part only.
+    They are off by up to `GENERIC` in phi near vertices at the value. Neighbouring tets share the vertices on their
+    edges, so that the surface ends on the surface of the part only.
     """
-    above = phi >= value
+    phi = np.where(np.abs(phi - value) < GENERIC, value + GENERIC, phi)
+    above = phi > value
     i, j = mesh.edges.T
     crossed = above[i] != above[j]
     number = np.full(len(mesh.edges), -1)

@@ -9,7 +9,7 @@ import igl
 import numpy as np
 from jaxtyping import Float
 from pydantic import Field, model_validator
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from michell_cad.arrays import require
 from michell_cad.edits.structure import DesignFields, SelectingEdit, Structure
@@ -18,6 +18,9 @@ from michell_cad.truss import SizedTruss, Truss
 
 STRONG_STRESS = 0.95
 """Quantile over the tets of the largest principal stress that counts as 1: a peak in a corner must not rule."""
+
+NEIGHBOURS = 9
+"""Tets whose stress is interpolated at a point; the farthest has no weight."""
 
 Factor = Annotated[float, Field(gt=0, le=10)]
 
@@ -117,9 +120,22 @@ def _relative_stress(truss: Truss, fields: DesignFields) -> np.ndarray:
     points = _samples(truss)
     t = points[:, 2] - points[:, 0]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    _, tet = cKDTree(fields.mesh.centroids).query(points.reshape(-1, 3))
-    axial = np.einsum("mi,msij,mj->ms", t, fields.stress[tet].reshape(-1, 3, 3, 3), t)
+    sigma = interpolate_stress(fields, points.reshape(-1, 3)).reshape(-1, 3, 3, 3)
+    axial = np.einsum("mi,msij,mj->ms", t, sigma, t)
     return np.minimum(np.abs(axial) / strong, 1)
+
+
+def interpolate_stress(fields: DesignFields, points: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3 3"]:
+    """Stress at points between the centroids of the tets, MPa.
+
+    Means over the nearest centroids with the weights ((R - d) / (R d))^2 of Franke and Little (R the distance of the
+    farthest, d of each): the result is continuous, so that it does not matter which of two equally near tets is found.
+    """
+    d, tet = KDTree(fields.mesh.centroids).query(points, k=min(NEIGHBOURS, len(fields.stress)))
+    d, tet = d.reshape(len(points), -1), tet.reshape(len(points), -1)
+    R = d.max(1, keepdims=True) * (1 + 1e-9)
+    weights = ((R - d) / (R * np.maximum(d, 1e-9 * R))) ** 2
+    return np.einsum("kn,knij->kij", weights / weights.sum(1, keepdims=True), fields.stress[tet])
 
 
 def _relative_depth(truss: Truss, fields: DesignFields) -> np.ndarray:

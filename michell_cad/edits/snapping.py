@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 from pydantic import Field
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from michell_cad.arrays import require
 from michell_cad.curves import NodeKind
@@ -112,12 +112,13 @@ def smoothest_change(
     K = (L + length**2 * L @ sp.diags(1 / mesh.vertex_volumes) @ L).tocsr()
     free = free_vertices(mesh)
     factor = factorise(K[free][:, free])
-    v = np.zeros((len(mesh.vertices), B.shape[0]))
-    right = B.T.toarray()[free]
+    rows = B.toarray()
+    v = np.zeros(rows.T.shape)
+    right = rows.T[free]
     v[free] = np.stack([factor.solve(np.ascontiguousarray(column)) for column in right.T], axis=1)
-    BC = B @ np.eye(mesh.component_of_vertex.max() + 1)[mesh.component_of_vertex]
+    BC = rows @ np.eye(mesh.component_of_vertex.max() + 1)[mesh.component_of_vertex]
     k, parts = BC.shape
-    system = np.block([[B @ v, BC], [BC.T, np.zeros((parts, parts))]])
+    system = np.block([[rows @ v, BC], [BC.T, np.zeros((parts, parts))]])
     solution = np.linalg.lstsq(system, np.vstack([values, np.zeros((parts, values.shape[1]))]), rcond=None)[0]
     return v @ solution[:k] + solution[k:][mesh.component_of_vertex]
 
@@ -132,7 +133,7 @@ def locate_points(
     InvalidInputError
         If a point is outside of the part.
     """
-    centroids = cKDTree(mesh.centroids)
+    centroids = KDTree(mesh.centroids)
     _, near = centroids.query(points, k=min(CANDIDATES, len(mesh.tets)))
     near = near.reshape(len(points), -1)
     corners = mesh.vertices[mesh.tets[near]]
@@ -158,7 +159,7 @@ def trace_truss(fields: DesignFields, options: TrussOptions) -> Truss:
 
 def move_nodes(truss: Truss, points: Float[np.ndarray, "k 3"]) -> Truss:
     """The truss with the node nearest to each point moved there."""
-    away, node = cKDTree(truss.nodes).query(points)
+    away, node = (np.asarray(found) for found in KDTree(truss.nodes).query(points))
     far = int(away.argmax())
     require(
         away[far] <= FARTHEST * truss.spacing,

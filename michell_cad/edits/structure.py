@@ -18,7 +18,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 
 from michell_cad.arrays import freeze, require
 from michell_cad.curves import FAMILIES
-from michell_cad.edits.selections import Everything, Point, Selection, selection_from
+from michell_cad.edits.selections import Everything, Point, Selection
+from michell_cad.edits.sentences import selection_from
 from michell_cad.knobs import Knobs, choose_curves
 from michell_cad.metrics import name_families
 from michell_cad.pipeline import Design

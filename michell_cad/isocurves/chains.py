@@ -44,7 +44,7 @@ def order_chains(n: int, ends: Int[np.ndarray, "m 2"]) -> Chains:
     ends : (m, 2) int, the two vertices of each edge. No vertex has more than two; double edges and edges from a vertex
         to itself are loops of two and one vertices.
     """
-    order, next_edge = np.empty(n, np.int64), np.empty(n, np.int64)
+    order, next_edge = np.empty(n, np.int32), np.empty(n, np.int32)
     offsets, closed = np.zeros(n + 1, np.int64), np.empty(n, bool)
     n_c = walk_chains(ends, order, next_edge, offsets, closed)
     assert n_c >= 0, "a vertex of a chain has more than two edges"
@@ -54,7 +54,7 @@ def order_chains(n: int, ends: Int[np.ndarray, "m 2"]) -> Chains:
 def _walk_chains(ends: Any, order: Any, next_edge: Any, offsets: Any, closed: Any) -> int:
     """Fill the arrays of `Chains`; return the number of chains, -1 if a vertex has more than two edges."""
     n = len(order)
-    edges = np.full((n, 2), -1)
+    edges = np.full((n, 2), -1, np.int32)
     for e in range(len(ends)):
         for side in range(2):
             v = ends[e, side]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
+from michell_cad.isocurves.edge_crossings import EdgeCrossings
 from michell_cad.isocurves.interior import Segments
-from michell_cad.isocurves.lattice import EdgeCrossings
 from michell_cad.tet_mesh import TetMesh
 
 

@@ -55,14 +55,14 @@ def trace_interior(
 ) -> tuple[Segments, InteriorNodes]:
     """Link the face crossings (at `points`) by segments through the tets, and find the nodes on them."""
     sides = 2 * len(crossings.face) - np.count_nonzero(mesh.face_tets[crossings.face, 1] < 0)
-    tets, ends = np.empty(sides // 2, np.int64), np.empty((sides // 2, 2), np.int64)
+    tets, ends = np.empty(sides // 2, np.int32), np.empty((sides // 2, 2), np.int32)
     n = link_crossings(
         mesh.tet_faces, mesh.face_tets, crossings.offsets, crossings.pair, crossings.a, crossings.b, tets, ends
     )
     assert 2 * n == sides, "a lattice line enters a tet without leaving it"
     offsets = np.concatenate([[0], np.cumsum(np.abs(crossings.floor[ends[:, 1]] - crossings.floor[ends[:, 0]]))])
-    numbers, places = np.empty(offsets[-1], np.int64), np.empty((offsets[-1] // 3, 3))
-    nodes = InteriorNodes(np.empty(len(places), np.int64), np.empty((len(places), 3), np.int64), places)
+    numbers, places = np.empty(offsets[-1], np.int32), np.empty((offsets[-1] // 3, 3))
+    nodes = InteriorNodes(np.empty(len(places), np.int32), np.empty((len(places), 3), np.int32), places)
     n = number_nodes(
         tets,
         ends,

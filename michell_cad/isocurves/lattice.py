@@ -22,6 +22,7 @@ from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
 from michell_cad.compiled import compiled
+from michell_cad.errors import InvalidInputError
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 """The pairs (i, j) of coordinates that are integer along an interior curve; the third coordinate of pair p is 2 - p."""
@@ -32,11 +33,11 @@ PREDICATE_BITS = 20
 MAX_CELLS_PER_TET = 256.0
 """Cells that one tet may span: the grid step is then 2^-12 cell. Wilder levels are an error in the making."""
 
-MAX_LEVEL = 2.0**31
-"""Levels below this keep the grid exact in 64-bit integers."""
+MAX_LEVEL = 2.0**30
+"""Levels below this keep the grid exact in 64-bit integers, and their floors in 32 bits."""
 
 MAX_CROSSINGS = 2**24
-"""Candidates of one pair that are examined at once (72 bytes each of the three pairs, of address space)."""
+"""Candidates of one pair that are examined at once (52 bytes each of the three pairs, of address space)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,26 +75,36 @@ def round_levels(levels: Float[np.ndarray, "n_v 3"], tets: Int[np.ndarray, "n_t 
     InvalidInputError
         If a level is not finite or beyond `MAX_LEVEL`, or a tet spans more than `MAX_CELLS_PER_TET` cells.
     """
-    bad = ~(np.abs(levels) < MAX_LEVEL).all(1)
-    require(
-        not bad.any(),
-        f"levels must be finite and below {MAX_LEVEL:.3g} in size; {bad.sum()} vertices are not, first "
-        f"vertex {int(np.argmax(bad))}: {levels[bad][:1]}",
-    )
-    widest = np.zeros(len(tets))
-    for level in levels.T:
-        corners = [level[corner] for corner in tets.T]
-        upper = np.maximum(np.maximum(corners[0], corners[1]), np.maximum(corners[2], corners[3]))
-        lower = np.minimum(np.minimum(corners[0], corners[1]), np.minimum(corners[2], corners[3]))
-        np.maximum(widest, upper - lower, out=widest)
-    extent = widest.max()
+    good = np.abs(levels) < MAX_LEVEL
+    if not good.all():
+        bad = np.flatnonzero(~good.all(1))
+        raise InvalidInputError(
+            f"levels must be finite and below {MAX_LEVEL:.3g} in size; {len(bad)} vertices are not, first "
+            f"vertex {bad[0]}: {levels[bad[:1]]}"
+        )
+    extent, widest = widest_tet(np.ascontiguousarray(levels, np.float64), tets)
     require(
         extent <= MAX_CELLS_PER_TET,
-        f"a tet may span {MAX_CELLS_PER_TET:g} cells of the parametrization at most; tet {int(np.argmax(widest))} "
+        f"a tet may span {MAX_CELLS_PER_TET:g} cells of the parametrization at most; tet {widest} "
         f"spans {extent:.4g}. Use a finer mesh or a smaller resolution",
     )
     shift = PREDICATE_BITS - max(0, int(np.ceil(np.log2(max(extent, 1.0)))))
     return GridLevels(2 * np.rint(np.ldexp(levels, shift - 1)).astype(np.int64) + 1, shift)
+
+
+def _widest_tet(levels: Any, tets: Any) -> tuple[float, int]:
+    """The most cells that a tet spans along a coordinate, and the first such tet."""
+    extent, widest = -1.0, 0
+    for t in range(len(tets)):
+        for i in range(3):
+            p, q, r, s = levels[tets[t, 0], i], levels[tets[t, 1], i], levels[tets[t, 2], i], levels[tets[t, 3], i]
+            span = max(p, q, r, s) - min(p, q, r, s)
+            if span > extent:
+                extent, widest = span, t
+    return extent, widest
+
+
+widest_tet = compiled(_widest_tet)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,28 +132,6 @@ class FaceCrossings:
     offsets: Int[np.ndarray, " n_f1"]
 
 
-@dataclass(frozen=True, eq=False)
-class EdgeCrossings:
-    """Where the lattice planes {phi_i = a} cross edges (u, v) of a mesh; numbered by edge, coordinate and value.
-
-    Parameters
-    ----------
-    first : (n_e, 3) int, number of the first crossing of each edge with each coordinate.
-    edge, axis, value : (n,) int.
-    fraction : (n,) float, position from u (0) to v (1). Exact fractions below 2^21 differ as floats when they differ.
-    tie : (n,) int, orders crossings of one edge with the same fraction.
-    floors : (n, 3) int, largest integers below the coordinates of the crossing, exact (entry `axis`: value - 1).
-    """
-
-    first: Int[np.ndarray, "n_e 3"]
-    edge: Int[np.ndarray, " n"]
-    axis: Int[np.ndarray, " n"]
-    value: Int[np.ndarray, " n"]
-    fraction: Float[np.ndarray, " n"]
-    tie: Int[np.ndarray, " n"]
-    floors: Int[np.ndarray, "n 3"]
-
-
 def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossings:
     """Find all crossings of lattice lines with triangles.
 
@@ -156,9 +145,10 @@ def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossi
         f"the levels cross the faces of the mesh {candidates.max()} times for one pair of coordinates, more than "
         f"{MAX_CROSSINGS}: the parametrization is too wild, or the resolution too high, for this mesh",
     )
-    # Room for all candidates; the system gives memory only to the part that is filled.
+    # Room for all candidates; the system gives memory only to the part that is filled. Half-size integers, since what
+    # follows is bound by memory.
     room = int(candidates.sum())
-    integers = tuple(np.empty(room, np.int64) for _ in range(5))
+    integers = tuple(np.empty(room, np.int32) for _ in range(5))
     weights, level = np.empty((room, 3)), np.empty(room)
     offsets = np.zeros(len(faces) + 1, np.int64)
     n = find_crossings(faces, grid.values, grid.floors, grid.shift, *integers, weights, level, offsets)
@@ -215,8 +205,10 @@ def _find_crossings(
                     y0, y1, y2 = values[u, j] - y, values[v, j] - y, values[w, j] - y
                     w0, side0 = orient(x1, y1, x2, y2)
                     w1, side1 = orient(x2, y2, x0, y0)
+                    if side0 == 0 or side0 != side1:
+                        continue
                     w2, side2 = orient(x0, y0, x1, y1)
-                    if side0 == 0 or side0 != side1 or side1 != side2:
+                    if side1 != side2:
                         continue
                     face[n], pair[n], a[n], b[n] = f, p, first, second
                     area = w0 + w1 + w2
@@ -281,40 +273,6 @@ third_coordinate = compiled(_third_coordinate)
 count_candidates = compiled(_count_candidates)
 place_crossings = compiled(_place_crossings)
 find_crossings = compiled(_find_crossings)
-
-
-def cross_edges(edges: Int[np.ndarray, "n_e 2"], grid: GridLevels) -> EdgeCrossings:
-    """Find all crossings of lattice planes with edges."""
-    u, v = edges.T
-    counts = np.abs(grid.floors[v] - grid.floors[u])
-    owner, local = expand(counts.ravel())
-    edge, axis = owner // 3, owner % 3
-    value = np.minimum(grid.floors[u[edge], axis], grid.floors[v[edge], axis]) + 1 + local
-    start, end = grid.values[u[edge]], grid.values[v[edge]]
-    mine = np.arange(len(edge)), axis
-    numerator = (value << grid.shift) - start[mine]
-    denominator = end[mine] - start[mine]
-    rising = np.sign(denominator)
-    # phi at the crossing: start + numerator (end - start) / denominator, with a positive denominator for divmod.
-    step = end - start
-    quotient, remainder = np.divmod((rising * numerator)[:, None] * step, np.abs(denominator)[:, None])
-    whole = start + quotient
-    floors = whole >> grid.shift
-    on_lattice = (remainder == 0) & (whole & (grid.cell - 1) == 0)
-    # On a tie the other coordinate k changes by e_i step_k / denominator - e_k: below, unless e_i dominates and step_k
-    # and the denominator have the same sign.
-    above = (np.arange(3) > axis[:, None]) & (np.sign(step) == rising[:, None])
-    floors -= on_lattice & ~above
-    first = (np.cumsum(counts.ravel()) - counts.ravel()).reshape(-1, 3)
-    # The crossing with coordinate i moves along the edge by e_i / denominator.
-    return EdgeCrossings(first, edge, axis, value, numerator / denominator, rising * (3 - axis), floors)
-
-
-def expand(counts: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
-    """Number of the owner, and running number within the owner, of ``counts[k]`` items for each owner k."""
-    owner = np.repeat(np.arange(len(counts)), counts)
-    ends = np.cumsum(counts)
-    return owner, np.arange(len(owner)) - (ends - counts)[owner]
 
 
 def lexicographic_order(rows: Int[np.ndarray, "n k"]) -> Int[np.ndarray, " n"]:

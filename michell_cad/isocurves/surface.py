@@ -13,12 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from michell_cad.compiled import compiled
+from michell_cad.isocurves.edge_crossings import EdgeCrossings
 from michell_cad.isocurves.interior import Segments
-from michell_cad.isocurves.lattice import PAIRS, EdgeCrossings, FaceCrossings, GridLevels
+from michell_cad.isocurves.lattice import PAIRS, FaceCrossings, GridLevels
 from michell_cad.tet_mesh import TetMesh
-
-_EDGES = np.array([[0, 1], [0, 2], [1, 2]])
-"""Edges of a triangle whose vertices ascend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +53,19 @@ def trace_surface(
     faces : crossings with the faces of the mesh; `boundary_nodes` gives the node at each, -1 for inner faces.
     edges : crossings with the boundary edges of the mesh, of which `sharp` are features.
     """
-    corners = mesh.faces[mesh.boundary_faces]
-    floors = grid.floors[corners]
-    low = floors.min(1)
-    counts = floors.max(1) - low
+    floors = grid.floors[mesh.boundary_triangles]
+    low = np.minimum(np.minimum(floors[:, 0], floors[:, 1]), floors[:, 2])
+    counts = np.maximum(np.maximum(floors[:, 0], floors[:, 1]), floors[:, 2]) - low
     n = int(counts.sum())
     first_segment = (np.cumsum(counts.ravel()) - counts.ravel()).reshape(-1, 3)
     triangle, axis, value = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
-    edge, ends = np.empty((n, 2), np.int64), np.empty((n, 2), np.int64)
-    triangle_edges = find_edges(mesh, corners[:, _EDGES])
-    cut_triangles(floors, triangle_edges, edges.first, triangle, axis, value, edge, ends)
-    offsets, nodes = _place_nodes(mesh, faces, edges, boundary_nodes, ends, axis, value, first_segment, low)
+    edge, ends, offsets = np.empty((n, 2), np.int64), np.empty((n, 2), np.int64), np.zeros(n + 1, np.int64)
+    triangle_edges = mesh.boundary_triangle_edges
+    cut_triangles(floors, triangle_edges, edges.first, edges.floors, triangle, axis, value, edge, ends, offsets)
+    nodes = np.full(offsets[-1], -1)
+    face = (faces.offsets, faces.pair, faces.a, faces.b, faces.floor)
+    rank_nodes(mesh.boundary_faces, *face, boundary_nodes, ends, edges.floors, offsets, first_segment, low, nodes)
+    assert (nodes >= 0).all(), "a surface curve misses the end of an interior curve"
     # Chain vertices: crossings with smooth edges, and then every end at a sharp edge.
     smooth, vertex = np.unique(ends[~sharp[edge]], return_inverse=True)
     chain_ends = np.empty_like(ends)
@@ -75,45 +75,23 @@ def trace_surface(
     return SurfaceSegments(Segments(chain_ends, offsets, nodes), triangle, axis, value, vertex_crossings)
 
 
-def _place_nodes(
-    mesh: TetMesh,
-    faces: FaceCrossings,
-    edges: EdgeCrossings,
-    boundary_nodes: np.ndarray,
-    ends: np.ndarray,
-    axis: np.ndarray,
-    value: np.ndarray,
-    first_segment: np.ndarray,
-    low: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of each segment, in order from its first end (as offsets and node numbers)."""
-    start, finish = edges.floors[ends[:, 0]], edges.floors[ends[:, 1]]
-    others = np.arange(3) != axis[:, None]
-    offsets = np.concatenate([[0], np.cumsum((np.abs(finish - start) * others).sum(1))])
-    nodes = np.full(offsets[-1], -1)
-    outer = np.flatnonzero(boundary_nodes >= 0)
-    triangle = np.searchsorted(mesh.boundary_faces, faces.face[outer])
-    for pair, (i, j) in enumerate(PAIRS):
-        mine = faces.pair[outer] == pair
-        crossing, tri, k = outer[mine], triangle[mine], 2 - pair
-        for along, across, line, other in ((i, j, faces.a, faces.b), (j, i, faces.b, faces.a)):
-            # On the segment {phi_along = line}, the node is the crossing with {phi_across = other}.
-            segment = first_segment[tri, along] + line[crossing] - 1 - low[tri, along]
-            begin = start[segment, across]
-            before = np.where(other[crossing] > begin, other[crossing] - begin - 1, begin - other[crossing])
-            rank = before + np.abs(faces.floor[crossing] - start[segment, k])
-            nodes[offsets[segment] + rank] = boundary_nodes[crossing]
-    assert (nodes >= 0).all(), "a surface curve misses the end of an interior curve"
-    return offsets, nodes
-
-
 def _cut_triangles(
-    floors: Any, triangle_edges: Any, first: Any, triangle: Any, axis: Any, value: Any, edge: Any, ends: Any
+    floors: Any,
+    triangle_edges: Any,
+    first: Any,
+    crossing_floors: Any,
+    triangle: Any,
+    axis: Any,
+    value: Any,
+    edge: Any,
+    ends: Any,
+    offsets: Any,
 ) -> None:
-    """Fill, for all segments by triangle, axis and value, these three and the two crossed edges and crossings there.
+    """Fill, for all segments by triangle, axis and value, these three, the two crossed edges and the crossings there.
 
     An edge is crossed when its ends lie on different sides of the plane. Its crossings with a coordinate have
-    consecutive numbers from `first` on.
+    consecutive numbers from `first` on. A segment has as many nodes as integers lie between its ends in the other two
+    coordinates; `offsets` gets their running sum.
     """
     n = 0
     for t in range(len(floors)):
@@ -123,19 +101,49 @@ def _cut_triangles(
                 triangle[n], axis[n], value[n] = t, k, v
                 side = 0
                 for e in range(3):
-                    u, w = floors[t, _EDGES[e, 0], k], floors[t, _EDGES[e, 1], k]
+                    u, w = floors[t, e, k], floors[t, (e + 1) % 3, k]
                     if (u >= v) != (w >= v):
                         edge[n, side] = triangle_edges[t, e]
                         ends[n, side] = first[triangle_edges[t, e], k] + v - 1 - min(u, w)
                         side += 1
+                n_nodes = 0
+                for i in range(3):
+                    if i != k:
+                        n_nodes += abs(crossing_floors[ends[n, 1], i] - crossing_floors[ends[n, 0], i])
+                offsets[n + 1] = offsets[n] + n_nodes
                 n += 1
 
 
+def _rank_nodes(
+    boundary_faces: Any,
+    face_offsets: Any,
+    pair: Any,
+    a: Any,
+    b: Any,
+    floor: Any,
+    boundary_nodes: Any,
+    ends: Any,
+    crossing_floors: Any,
+    offsets: Any,
+    first_segment: Any,
+    low: Any,
+    nodes: Any,
+) -> None:
+    """Put every boundary node in its place on the two segments that cross there, in order from their first ends."""
+    for t in range(len(boundary_faces)):
+        for c in range(face_offsets[boundary_faces[t]], face_offsets[boundary_faces[t] + 1]):
+            i, j = PAIRS[pair[c]]
+            k = 2 - pair[c]
+            for way in range(2):
+                # On the segment {phi_along = line}, the node is the crossing with {phi_across = other}.
+                along, across, line, other = (i, j, a[c], b[c]) if way == 0 else (j, i, b[c], a[c])
+                segment = first_segment[t, along] + line - 1 - low[t, along]
+                start = ends[segment, 0]
+                begin = crossing_floors[start, across]
+                before = other - begin - 1 if other > begin else begin - other
+                rank = before + abs(floor[c] - crossing_floors[start, k])
+                nodes[offsets[segment] + rank] = boundary_nodes[c]
+
+
 cut_triangles = compiled(_cut_triangles)
-
-
-def find_edges(mesh: TetMesh, pairs: Int[np.ndarray, "... 2"]) -> Int[np.ndarray, "..."]:
-    """Numbers of the boundary edges with the given (ascending) vertices."""
-    n = len(mesh.vertices)
-    keys = mesh.boundary_edges[:, 0] * n + mesh.boundary_edges[:, 1]
-    return np.searchsorted(keys, pairs[..., 0] * n + pairs[..., 1])
+rank_nodes = compiled(_rank_nodes)

@@ -16,27 +16,28 @@ gets one node.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from michell_cad.arrays import require
+from michell_cad.arrays import require, same_as_previous
+from michell_cad.compiled import compiled
 from michell_cad.curves import FAMILIES, KINDS, NO_ISOVALUE, TRACED_FAMILIES, CurveKind, Curves, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
+from michell_cad.isocurves.edge_crossings import EdgeCrossings, cross_edges, place_edge_crossings
 from michell_cad.isocurves.features import FeatureSegments, trace_features
 from michell_cad.isocurves.interior import Segments, trace_interior
 from michell_cad.isocurves.lattice import (
     PAIRS,
-    EdgeCrossings,
     FaceCrossings,
-    cross_edges,
     cross_faces,
     lexicographic_order,
     place_crossings,
     round_levels,
 )
 from michell_cad.isocurves.network import CurveNetwork
-from michell_cad.isocurves.surface import SurfaceSegments, find_edges, trace_surface
+from michell_cad.isocurves.surface import SurfaceSegments, trace_surface
 from michell_cad.isocurves.weave import WovenCurves, weave_curves
 from michell_cad.parametrization.cells import measure_cells
 from michell_cad.tet_mesh import TetMesh
@@ -142,8 +143,7 @@ def trace_isocurves(
     interior, interior_nodes = trace_interior(mesh, crossings, points)
     edges = cross_edges(mesh.boundary_edges, grid)
     edge_points, edge_levels = _at_edges(mesh, levels, edges)
-    sharp = np.zeros(len(mesh.boundary_edges), bool)
-    sharp[find_edges(mesh, mesh.feature_edges)] = True
+    sharp = mesh.is_feature_edge
 
     # Nodes, numbered as they come: where three curves cross, where one leaves the solid, on sharp edges, at corners.
     outer, on_sharp = mesh.face_tets[crossings.face, 1] < 0, sharp[edges.edge]
@@ -189,11 +189,9 @@ def _corner_nodes(features: FeatureSegments, first: int) -> np.ndarray:
 
 def _at_edges(mesh: TetMesh, levels: np.ndarray, edges: EdgeCrossings) -> tuple[np.ndarray, np.ndarray]:
     """Points and levels at crossings of boundary edges."""
-    u, v = mesh.boundary_edges[edges.edge].T
-    fraction = edges.fraction[:, None]
-    at = levels[u] + fraction * (levels[v] - levels[u])
+    at = place_edge_crossings(mesh.boundary_edges, levels, edges)
     at[np.arange(len(at)), edges.axis] = edges.value
-    return mesh.vertices[u] + fraction * (mesh.vertices[v] - mesh.vertices[u]), at
+    return place_edge_crossings(mesh.boundary_edges, mesh.vertices, edges), at
 
 
 def _crossing_levels(crossings: FaceCrossings, some: np.ndarray) -> np.ndarray:
@@ -210,9 +208,9 @@ def _concatenate(parts: list[Segments], vertex_counts: list[int]) -> Segments:
     first_node = np.cumsum([0] + [len(part.nodes) for part in parts])
     offsets = [part.node_offsets[:-1] + first for part, first in zip(parts, first_node[:-1], strict=True)]
     return Segments(
-        np.concatenate([part.ends + first for part, first in zip(parts, first_vertex, strict=True)]),
+        np.concatenate([part.ends + first for part, first in zip(parts, first_vertex, strict=True)], dtype=np.int32),
         np.concatenate([*offsets, first_node[-1:]]),
-        np.concatenate([part.nodes for part in parts]),
+        np.concatenate([part.nodes for part in parts], dtype=np.int32),
     )
 
 
@@ -247,17 +245,43 @@ def _axes(
 ) -> np.ndarray:
     """Coordinate along which each chain runs, -1 for features."""
     kinds = labels[:, 0]
-    # Lengths of the boundary segments times |b_k . t|, k the two coordinates that vary, summed along the chains.
-    ends = edge_points[surface.vertex_crossings[surface.segments.ends]]
     _, _, directions = measure_cells(mesh.gradients(levels, mesh.face_tets[mesh.boundary_faces, 0]))
-    score = np.abs(np.einsum("sdk,sd->sk", directions[surface.triangle], ends[:, 1] - ends[:, 0]))
-    score[np.arange(len(score)), surface.axis] = -1
-    on_surface = np.flatnonzero(kinds[chains.chain] == KINDS.index(CurveKind.BOUNDARY))
-    on_surface = on_surface[chains.next_edge[on_surface] >= 0]
-    chain, segment = chains.chain[on_surface], chains.next_edge[on_surface] - strands.first_segments[1]
-    total = np.column_stack([np.bincount(chain, score[segment, k], len(kinds)) for k in range(3)])
+    lengths = np.zeros((len(kinds), 3))
+    add_lengths(
+        chains.offsets,
+        chains.next_edge - strands.first_segments[1],
+        surface.vertex_crossings[surface.segments.ends],
+        surface.triangle,
+        surface.axis,
+        edge_points,
+        directions,
+        lengths,
+    )
     along = np.where(kinds == KINDS.index(CurveKind.INTERIOR), np.argmax(labels[:, 1:] == NO_ISOVALUE, axis=1), -1)
-    return np.where(kinds == KINDS.index(CurveKind.BOUNDARY), total.argmax(1), along)
+    return np.where(kinds == KINDS.index(CurveKind.BOUNDARY), lengths.argmax(1), along)
+
+
+def _add_lengths(
+    chain_offsets: Any, chain_segments: Any, ends: Any, triangle: Any, axis: Any, points: Any, directions: Any, out: Any
+) -> None:
+    """Sum along each boundary chain the lengths of its segments times |b_k . t|, k the two coordinates that vary."""
+    for c in range(len(chain_offsets) - 1):
+        for place in range(chain_offsets[c], chain_offsets[c + 1]):
+            s = chain_segments[place]
+            if s < 0 or s >= len(axis):
+                continue
+            for k in range(3):
+                if k == axis[s]:
+                    out[c, k] = -1  # never the longest, also where the others have no direction
+                    continue
+                product = 0.0
+                for d in range(3):
+                    step = points[ends[s, 1], d] - points[ends[s, 0], d]
+                    product += directions[triangle[s], d, k] * step
+                out[c, k] += abs(product)
+
+
+add_lengths = compiled(_add_lengths)
 
 
 def _node_every_feature(
@@ -266,14 +290,13 @@ def _node_every_feature(
     """Give closed features without a node one at their lowest vertex (by x, y, z); all nodes, and those at vertices."""
     vertex_nodes = strands.vertex_nodes.copy()
     counts = np.diff(strands.segments.node_offsets)
-    inside = np.where(chains.next_edge >= 0, counts[chains.next_edge], 0) if len(counts) else np.zeros(0, np.int64)
-    n_nodes = np.bincount(chains.chain, inside + (vertex_nodes[chains.order] >= 0), minlength=len(chains.closed))
     first_feature = len(vertex_nodes) - len(features.vertices)
-    bare = np.flatnonzero((n_nodes == 0) & (chains.order[chains.offsets[:-1]] >= first_feature))
     chosen = []
-    for chain in bare:
-        vertices = chains.order[chains.offsets[chain] : chains.offsets[chain + 1]]
-        chosen.append(vertices[np.lexsort(strands.vertex_points[vertices].T[::-1])[0]])
+    for chain in np.flatnonzero(chains.closed & (chains.order[chains.offsets[:-1]] >= first_feature)):
+        items = slice(chains.offsets[chain], chains.offsets[chain + 1])
+        vertices = chains.order[items]
+        if (vertex_nodes[vertices] < 0).all() and not counts[chains.next_edge[items]].any():
+            chosen.append(vertices[np.lexsort(strands.vertex_points[vertices].T[::-1])[0]])
     chosen = np.array(chosen, np.int64)
     vertex_nodes[chosen] = len(nodes.points) + np.arange(len(chosen))
     at = features.vertices[chosen - first_feature]
@@ -319,7 +342,7 @@ def _order_nodes(nodes: _Nodes) -> Int[np.ndarray, " n"]:
     outside = np.flatnonzero(nodes.kinds != NodeKind.INTERIOR)
     values = nodes.levels[inside].astype(np.int64)
     order = lexicographic_order(values)
-    same = np.flatnonzero((values[order[1:]] == values[order[:-1]]).all(1))
+    same = np.flatnonzero(same_as_previous(values[order]))
     tied = np.union1d(same, same + 1)
     order[tied] = order[tied][_lexsort(nodes, inside[order[tied]])]
     return np.concatenate([inside[order], outside[_lexsort(nodes, outside)]])
@@ -333,7 +356,7 @@ def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: t
     """Curves with their labels; those with equal kind and isovalues are numbered in the order in which they come."""
     n = len(labels)
     new = np.ones(n, bool)
-    new[1:] = (labels[1:] != labels[:-1]).any(1)
+    new[1:] = ~same_as_previous(labels)
     first = np.maximum.accumulate(np.where(new, np.arange(n), 0))
     # Axis -1, the last entry, stands for a feature.
     family_of_axis = np.array([FAMILIES.index(name) for name in (*families, "feature")])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from michell_cad.arrays import same_as_previous
 from michell_cad.compiled import compiled
 from michell_cad.isocurves.chains import Chains
 from michell_cad.isocurves.interior import Segments
@@ -97,7 +98,7 @@ def _order_curves(
     The mean is relative to the size of the part and rounded beyond the noise.
     """
     order = np.lexsort(keys.T[::-1])
-    same = (keys[order[1:]] == keys[order[:-1]]).all(1)
+    same = same_as_previous(keys[order])
     tied = np.union1d(order[1:][same], order[:-1][same])
     if not len(tied):
         return order

@@ -11,9 +11,12 @@ cells between them. Then the integers are drawn to just inside such faces, and a
 cent lets both of two opposite faces have one.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.compiled import compiled
 from michell_cad.tet_mesh import TetMesh
 
 _BINS = 64
@@ -77,11 +80,29 @@ def _grazed_faces(mesh: TetMesh, levels: np.ndarray) -> tuple[np.ndarray, np.nda
     cosines (n_b, 3) between the outward normal and the gradients.
     """
     gradients = mesh.gradients(levels, mesh.face_tets[mesh.boundary_faces, 0])
-    area = np.linalg.norm(mesh.boundary_area_vectors, axis=1)[:, None]
-    length = np.linalg.norm(gradients, axis=2) * area
-    cosine = np.einsum("bid,bd->bi", gradients, mesh.boundary_area_vectors) / np.maximum(length, np.finfo(float).tiny)
-    corners = levels[mesh.boundary_triangles]
-    return area * np.abs(cosine) ** _SHARPNESS, (corners + np.roll(corners, 1, axis=1)) / 2, cosine
+    n = len(gradients)
+    weights, middles, cosines = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+    values = np.ascontiguousarray(levels, np.float64)
+    weigh_faces(mesh.boundary_triangles, mesh.boundary_area_vectors, values, gradients, weights, middles, cosines)
+    return weights, middles, cosines
+
+
+def _weigh_faces(
+    triangles: Any, area_vectors: Any, levels: Any, gradients: Any, weights: Any, middles: Any, cosines: Any
+) -> None:
+    for t in range(len(triangles)):
+        N = area_vectors[t]
+        area = np.sqrt(N[0] ** 2 + N[1] ** 2 + N[2] ** 2)
+        for i in range(3):
+            g = gradients[t, i]
+            size = np.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
+            cosine = (g[0] * N[0] + g[1] * N[1] + g[2] * N[2]) / (size * area) if size > 0 else 0.0
+            cosines[t, i], weights[t, i] = cosine, area * abs(cosine) ** _SHARPNESS
+            for side in range(3):
+                middles[t, side, i] = (levels[triangles[t, side], i] + levels[triangles[t, side - 1], i]) / 2
+
+
+weigh_faces = compiled(_weigh_faces)
 
 
 def _periodic_bump(width: float) -> np.ndarray:
@@ -91,6 +112,14 @@ def _periodic_bump(width: float) -> np.ndarray:
 
 def _correlate(values: np.ndarray, weights: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """For each shift s (a bin) the sum of weight k(value + s): values at phase t meet an integer where t + s = 0."""
-    index = np.floor(values % 1.0 * _BINS).astype(np.int64) % _BINS
-    density = np.bincount(index, weights, _BINS)
+    density = np.zeros(_BINS)
+    fill_bins(values, weights, density)
     return np.real(np.fft.ifft(np.fft.fft(density) * np.fft.fft(kernel)))[-np.arange(_BINS) % _BINS]
+
+
+def _fill_bins(values: Any, weights: Any, density: Any) -> None:
+    for n in range(len(values)):
+        density[int((values[n] - np.floor(values[n])) * _BINS) % _BINS] += weights[n]
+
+
+fill_bins = compiled(_fill_bins)

@@ -38,8 +38,9 @@ _RIVAL, _SAME = 1.03, 1.001
 """Starts go on while their energy is within the first factor of the lowest one; those within the second of each other
 have found the same map."""
 _ITERATIONS, _MEMORY, _TOLERANCE = 60, 10, 2e-4
-_LAST_PATIENCE = 8
-"""Idle steps that end the last round: symmetric parts rest on a saddle for some, before rounding tips them over."""
+_LAST_ITERATIONS, _LAST_TOLERANCE, _LAST_PATIENCE = 200, 1e-4, 8
+"""Of the last round. A bar in torsion creeps down a valley by 2e-4 a step for fifty steps before it comes to a much
+better map; whether it does must not be left to rounding."""
 
 
 def follow_stress(
@@ -75,8 +76,8 @@ def follow_stress(
             phi,
             precondition,
             memory=_MEMORY,
-            iterations=_ITERATIONS if number or last else _TRIAL_ITERATIONS,
-            tolerance=_TOLERANCE,
+            iterations=_LAST_ITERATIONS if last else _ITERATIONS if number else _TRIAL_ITERATIONS,
+            tolerance=_LAST_TOLERANCE if last else _TOLERANCE,
             patience=_LAST_PATIENCE if last else PATIENCE,
         )
         return report.value, phi

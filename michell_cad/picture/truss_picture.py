@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from michell_cad.curves import FAMILIES
 from michell_cad.domain.patches import number_patches
@@ -57,6 +58,18 @@ MARGIN = 0.07
 """Blank rim of the picture over its height."""
 
 
+class ShownMesh(NamedTuple):
+    """Something else to draw with the truss, such as sheets: a closed mesh in mm, with its name and colour.
+
+    The legend shows each name once.
+    """
+
+    name: str
+    colour: Colour
+    vertices: Float[np.ndarray, "n 3"]
+    triangles: Int[np.ndarray, "t 3"]
+
+
 def render_truss(
     path: str | Path,
     mesh: TetMesh,
@@ -66,6 +79,7 @@ def render_truss(
     up: int = 2,
     size: tuple[int, int] = (1400, 1000),
     notes: Sequence[str] = (),
+    others: Sequence[ShownMesh] = (),
 ) -> None:
     """Draw a truss in the colours of its families inside the ghost of its part, as a PNG.
 
@@ -78,6 +92,7 @@ def render_truss(
     up : axis (0, 1, 2) that points up.
     size : width and height, pixels.
     notes : lines for the legend, below the families.
+    others : what else to draw.
 
     Raises
     ------
@@ -91,9 +106,15 @@ def render_truss(
     camera = place_camera(surface, (margin, margin, width - margin, height - margin), up)
     bars = Canvas(width, height)
     _draw_members(bars, camera, sized, splines)
+    for number, other in enumerate(others, len(FAMILIES)):
+        corners = other.vertices[other.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        facing = np.repeat(camera.turn(normals)[:, None], 3, axis=1)
+        bars.draw_triangles(camera.project(corners), facing, np.full(len(corners), number))
     front, back, lines = _draw_ghost(mesh, camera, width, height)
 
-    palette = np.array([FAMILY_COLOURS[name] for name in FAMILIES])
+    palette = np.array([*(FAMILY_COLOURS[name] for name in FAMILIES), *(other.colour for other in others)])
     rgb, covered = shade_solid(bars, palette)
     behind = np.where(covered, 0, glass_opacity(back)).astype(np.float32)
     picture = blend(rgb, np.array(GHOST), 0.7 * behind)
@@ -105,6 +126,7 @@ def render_truss(
         for name in FAMILIES
         if (count := sum(curve.family == name for curve in curves))
     ]
+    entries += dict.fromkeys((other.colour, other.name) for other in others)
     entries += [((1.0, 1.0, 1.0), note) for note in notes]
     picture = draw_legend_dots(picture, entries, 28, size[1] - 20)
     image, pen, font = open_sheet(shrink(picture))

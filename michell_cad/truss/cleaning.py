@@ -16,9 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from michell_cad.arrays import require
+from michell_cad.arrays import expand, require
 from michell_cad.curves import NodeKind
-from michell_cad.isocurves.lattice import expand
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.draft import Draft, draft_network, finish, split_lenses
 from michell_cad.truss.values import Truss

@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Int
 
-from michell_cad.arrays import require
+from michell_cad.arrays import expand, require
 from michell_cad.curves import Curve
-from michell_cad.isocurves.lattice import expand
 from michell_cad.truss.subset import keep_curves
 from michell_cad.truss.values import Truss
 

@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Int
 
-from michell_cad.arrays import require
+from michell_cad.arrays import expand, require
 from michell_cad.curves import Curve, NodeKind
 from michell_cad.isocurves.chains import Chains, order_chains
-from michell_cad.isocurves.lattice import expand
 from michell_cad.truss.values import Truss, curve_steps
 
 

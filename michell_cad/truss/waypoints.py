@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from michell_cad.arrays import expand
 from michell_cad.curves import Curve, CurveKind
-from michell_cad.isocurves.lattice import expand
 from michell_cad.isocurves.network import CurveNetwork
 from michell_cad.truss.values import Truss, curve_steps
 

@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 import trimesh
@@ -5,7 +7,7 @@ from layouts import grid_truss, sized, star
 
 from michell_cad.cad import preview_truss
 from michell_cad.errors import InvalidInputError
-from michell_cad.knobs import Knobs
+from michell_cad.knobs import Knobs, size_members
 
 
 def test_a_straight_member_is_a_tube_between_two_balls():
@@ -32,3 +34,12 @@ def test_triangles_face_outward_and_belong_to_their_curves():
 def test_two_sides_are_no_tube():
     with pytest.raises(InvalidInputError, match="at least 3 sides"):
         preview_truss(star([(0, 0, 1)]), Knobs(), sides=2)
+
+
+def test_a_knob_on_5000_members_shows_within_a_second():
+    truss = grid_truss((12, 12, 13))
+    assert len(truss.members) > 5000
+    begin = time.process_time()
+    mesh = preview_truss(size_members(truss, Knobs(radius=0.4, entasis=0.2)), Knobs())
+    assert time.process_time() - begin < 1.0
+    assert len(mesh.triangles) > 300_000

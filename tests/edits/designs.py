@@ -14,8 +14,8 @@ from michell_cad.tet_mesh import TetMesh
 
 @cache
 def small_bar() -> Design:
-    """A bar of 80 x 40 x 40 mm, held at x = 0, with cells of about 11 mm."""
-    return design(cantilever((8, 4, 4)), DesignOptions(7))
+    """A bar of 80 x 40 x 40 mm, held at x = 0, with cells of about 14 mm."""
+    return design(cantilever((8, 4, 4)), DesignOptions(6))
 
 
 @cache
@@ -24,7 +24,7 @@ def bar_behind() -> Design:
     problem = cantilever((8, 4, 4))
     mesh = TetMesh(problem.mesh.vertices + np.array([80.0, 0, 0]), problem.mesh.tets)
     moved = DesignProblem(mesh, problem.material, problem.fixed, problem.load_cases)
-    return design(moved, DesignOptions(7.5))
+    return design(moved, DesignOptions(6.5))
 
 
 def turned_design(made: Design, Q: np.ndarray) -> Design:

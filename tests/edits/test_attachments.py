@@ -50,6 +50,7 @@ def test_transport_along_a_helix_turns_by_its_torsion():
     a, b = 10.0, 3.0
     points = np.stack([a * np.cos(t), a * np.sin(t), b * t], axis=1)
     tangents, normals = transport(points, np.array([-1.0, 0, 0]))
+    np.testing.assert_allclose((normals * tangents).sum(1), 0, atol=1e-9)
     frenet = np.stack([-np.cos(t), -np.sin(t), 0 * t], axis=1)
     binormal = np.cross(tangents, frenet)
     turn = np.unwrap(np.arctan2((normals * binormal).sum(1), (normals * frenet).sum(1)))

@@ -74,7 +74,7 @@ def test_paths_in_a_script_are_relative_to_it(tmp_path):
 
 
 def test_the_list_is_saved_with_the_design_and_replays_to_the_same(tmp_path, monkeypatch):
-    edits = EditList((Remove(where=Where("boundary")), Entasis(to=0.2), Radius(where=Family("third"), times=1.2)))
+    edits = EditList((Remove(where=Where("boundary")), Entasis(to=0.2), Radius(where=Family("tension"), times=1.2)))
     save_design(tmp_path / "d.npz", BAR, Knobs(every=2), edits, up=1)
     assert load_edits(tmp_path / "d.npz") == edits
     assert load_up(tmp_path / "d.npz") == 1

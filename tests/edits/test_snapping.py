@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from designs import small_bar
+from designs import small_bar, turned_design
+from scipy.spatial.transform import Rotation
 
 from michell_cad.edits import DesignFields, EditList, Remove, Snap, Structure, Where
 from michell_cad.edits.snapping import locate_points, smoothest_change, snap_levels
@@ -40,6 +41,13 @@ def test_the_change_is_the_least_of_all_that_meet_the_points():
         other = u + 1e-3 * rng.normal(size=len(u))
         other[at] = u[at]
         assert other @ K @ other > u @ K @ u
+
+
+def test_the_coordinates_of_a_turned_design_snap_alike():
+    Q = Rotation.random(random_state=4).as_matrix()
+    points = np.array([[41.3, 17.2, 22.9], [20.0, 8.0, 31.0]])
+    turned = snap_levels(DesignFields.of(turned_design(BAR, Q)), points @ Q.T)
+    np.testing.assert_allclose(turned, snap_levels(FIELDS, points), atol=1e-8)
 
 
 def test_nodes_lie_at_the_points_and_labels_stay():

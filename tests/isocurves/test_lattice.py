@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from michell_cad.errors import InvalidInputError
-from michell_cad.isocurves.lattice import PAIRS, GridLevels, cross_edges, cross_faces, round_levels
+from michell_cad.isocurves.edge_crossings import cross_edges
+from michell_cad.isocurves.lattice import PAIRS, GridLevels, cross_faces, round_levels
 
 SHIFT = (Fraction(1, 10**20), Fraction(1, 10**40), Fraction(1, 10**60))
 
