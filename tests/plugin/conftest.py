@@ -2,6 +2,9 @@
 
 from hosts import EXERCISED
 
+collect_ignore_glob = ["freecad_*.py"]
+"""Scripts for a host: only its own Python can import them."""
+
 
 def pytest_terminal_summary(terminalreporter):
     """Say which hosts the tests have run."""
