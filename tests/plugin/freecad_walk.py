@@ -40,6 +40,7 @@ def main() -> None:
     found["turned_back"] = cancel_a_turn(document, truss)
     found["expression"] = drive_by_spreadsheet(document, truss)
     export(truss)
+    found["body_statuses"] = edit_and_delete_body(document, truss)
     document.saveAs(str(FOLDER / "walk.FCStd"))
     App.closeDocument(document.Name)
     found["reopened"] = reopen()
@@ -182,6 +183,21 @@ def export(truss):
     export(truss, str(FOLDER / "out.step"))
     export(truss, str(FOLDER / "out.stl"))
     save_job(truss, str(FOLDER / "job.toml"))
+
+
+def edit_and_delete_body(document, truss):
+    """What the truss says when its body is longer, no solid, gone, and itself again; its volume each time."""
+    rows, body, bar = [], truss.Body, truss.Body.Shape
+    for shape in (Part.makeBox(100, 40, 40), Part.makePlane(10, 10), bar):
+        body.Shape = shape
+        document.recompute()
+        rows.append([truss.Status, truss.Shape.Volume])
+    truss.Body = None
+    document.recompute()
+    rows.append([truss.Status, truss.Shape.Volume])
+    truss.Body = body
+    document.recompute()
+    return rows
 
 
 def reopen():

@@ -182,6 +182,14 @@ def test_picks_survive_an_edit_of_the_body_or_say_which_are_gone(walk):
     assert "support" not in bodies["gone"]
 
 
+def test_a_truss_outlives_its_body_and_says_so(walk):
+    texts, volumes = zip(*walk["body_statuses"], strict=True)
+    assert "Bar has changed" in texts[0]
+    assert "Bar has changed" in texts[1]
+    assert "no longer in the document" in texts[3]
+    assert set(volumes) == {walk["expression"][1]["volume"]}
+
+
 def test_an_error_in_the_host_is_exit_code_1_and_one_message(walk, folder):
     done = run_freecad(HERE / "freecad_error.py", freecad_home(folder), WALK_FOLDER=str(folder))
     assert done.returncode == 1

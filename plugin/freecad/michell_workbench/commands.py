@@ -41,7 +41,7 @@ class Command:
         """Do it; what goes wrong becomes a dialog."""
         try:
             self._act()
-        except (WorkerError, FacesGone, ValueError) as error:
+        except (WorkerError, FacesGone, ValueError, OSError) as error:
             tell(str(error))
 
 

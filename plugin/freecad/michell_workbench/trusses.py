@@ -347,7 +347,12 @@ def _look_at_body(obj: Any) -> None:
         return
     if obj.Body is None:
         obj.Status = messages.body_gone()
-    elif fingerprint(body_shape(obj.Body)) != obj.Fingerprint:
+        return
+    try:
+        same = fingerprint(body_shape(obj.Body)) == obj.Fingerprint
+    except ValueError:  # no longer one solid
+        same = False
+    if not same:
         obj.Status = messages.body_changed(obj.Body.Label)
         App.Console.PrintWarning(obj.Status + "\n")
 
