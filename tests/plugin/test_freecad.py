@@ -186,6 +186,7 @@ def test_a_truss_outlives_its_body_and_says_so(walk):
     texts, volumes = zip(*walk["body_statuses"], strict=True)
     assert "Bar has changed" in texts[0]
     assert "Bar has changed" in texts[1]
+    assert texts[2] == walk["expression"][1]["status"]
     assert "no longer in the document" in texts[3]
     assert set(volumes) == {walk["expression"][1]["volume"]}
 

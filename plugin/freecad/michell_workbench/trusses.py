@@ -22,8 +22,9 @@ from michell_workbench.knob_properties import GROUP, KnobProperty, knobs_of, pro
 from michell_workbench.session import worker as usual_worker
 from michell_workbench.texts import translate
 
-HIDDEN_TEXTS = ("Setup", "Schema", "Built", "Fingerprint")
-"""Properties that hold JSON and the like: the picks, the schema of the knobs, knobs of the shape, state of the body."""
+HIDDEN_TEXTS = ("Setup", "Schema", "Built", "Fingerprint", "Notes")
+"""Properties that hold JSON and the like: the picks, the schema of the knobs, knobs of the shape, state of the body,
+what was said when the shape was built."""
 
 FIGURES = (
     ("App::PropertyLength", "UsedRadius", "Smallest radius of a member"),
@@ -338,13 +339,12 @@ def _show(obj: Any, built: Mapping[str, Any], shape: Any) -> None:
     obj.Built = json.dumps(read_knobs(obj))
     obj.UsedRadius, obj.CellEdge = built["radius_mm"], built["spacing_mm"]
     obj.SolidVolume, obj.SolidMass = built["volume_mm3"], built["mass_g"]
-    obj.Status = "; ".join(built["messages"]) or translate("MichellCAD", "up to date")
+    obj.Notes = "; ".join(built["messages"]) or translate("MichellCAD", "up to date")
 
 
 def _look_at_body(obj: Any) -> None:
-    """Say if the body is no longer the one that the truss was computed for; the truss stays."""
-    if not obj.Setup or not obj.Fingerprint:
-        return
+    """Say how the truss is: what was said when it was built, unless the body is no longer the one that it is for."""
+    obj.Status = obj.Notes
     if obj.Body is None:
         obj.Status = messages.body_gone()
         return
