@@ -35,8 +35,11 @@ class Waiting:
         self._lines, self._events = lines, events
 
     def __iter__(self):
-        yield from (line + "\n" for line in self._lines)
         until = time.monotonic() + 120
+        for line in self._lines:
+            while '"cancel"' in line and "progress" not in self._events.getvalue() and time.monotonic() < until:
+                time.sleep(0.01)  # a cancel comes while something runs
+            yield line + "\n"
         asked = sum('"cancel"' not in line for line in self._lines)
         while self._answers() < asked and time.monotonic() < until:
             time.sleep(0.01)
