@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | edit | export | compare | knobs | faces | check | schema`.
+"""The command line: `michell-cad design | edit | export | compare | knobs | faces | check | schema | plugin`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,21 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+class PluginAction(StrEnum):
+    """What to do with an add-in."""
+
+    install = "install"
+    remove = "remove"
+
+
+class PluginHost(StrEnum):
+    """The hosts that have an add-in, see `michell_cad.plugins`."""
+
+    freecad = "freecad"
+    fusion = "fusion"
+
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB.toml", help="The job file; see `michell-cad schema`.")]
 Force = Annotated[bool, typer.Option("--force", help="Write into the folder even if it exists.")]
@@ -158,6 +174,23 @@ def schema() -> None:
     from michell_cad.cli_inspect import show_schema
 
     show_schema(_console())
+
+
+@app.command()
+def plugin(
+    action: Annotated[PluginAction, typer.Argument(help="What to do.", show_default=False)],
+    host: Annotated[PluginHost, typer.Argument(help="The host program.", show_default=False)],
+    into: Annotated[
+        Path | None, typer.Option("--into", metavar="DIR", help="The host's folder of add-ins; default: the usual one.")
+    ] = None,
+) -> None:
+    """Put an add-in where its host program looks for it, or take it away."""
+    from michell_cad.plugins import install_plugin, remove_plugin
+
+    if action is PluginAction.install:
+        _console().print(f"installed {install_plugin(host.value, into)}; restart the host")
+    else:
+        _console().print(f"removed {remove_plugin(host.value, into)}")
 
 
 def main() -> None:

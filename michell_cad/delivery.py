@@ -92,12 +92,9 @@ def deliver_job(
     times: list[StageTime] = []
     with _timed("mesh", times, progress):
         part = _read_part(job, cache)
-        problem = build_problem(job, part)
-        kept = kept_materials(job, part)
-    result = design(problem, design_options(job), progress, cache)
-    times.extend(result.times)
+    structure = _design_structure(job, part, cache, progress)
+    times.extend(structure.design.times)
     with writing_folder(folder) as partial:
-        structure = replace(NO_EDITS.replay(result, job.knobs), kept=kept, sizing=job.sizing.options)
         report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
     return report
 
@@ -107,6 +104,23 @@ def _read_part(job: Job, cache: StageCache) -> Part:
     outline = read_outline(job.part.file, job.part.units)
     inputs = (outline.surface, outline.mesh, job.mesh.size)
     return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
+
+
+def design_structure(job_file: str | Path, progress: Progress = lambda stage, fraction: None) -> tuple[Structure, int]:
+    """Design the truss of a job without building it; for hosts. Returns it with the axis that points up in pictures.
+
+    Errors as for `deliver_job`.
+    """
+    job, cache = read_job(job_file), StageCache.usual()
+    with _timed("mesh", [], progress):
+        part = _read_part(job, cache)
+    return _design_structure(job, part, cache, progress), part.outline.up
+
+
+def _design_structure(job: Job, part: Part, cache: StageCache, progress: Progress) -> Structure:
+    kept = kept_materials(job, part)
+    result = design(build_problem(job, part), design_options(job), progress, cache)
+    return replace(NO_EDITS.replay(result, job.knobs), kept=kept, sizing=job.sizing.options)
 
 
 def design_job(job_file: str | Path, options: DesignOptions | None = None, cache: StageCache | None = None) -> Design:

@@ -1,13 +1,12 @@
 """From a design file, knobs and edits to a folder of results: nothing upstream is computed again."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from michell_cad.arrays import require
 from michell_cad.delivery import DESIGN_FILE, Progress, require_place, write_results
-from michell_cad.design_file import load_design, load_edits, load_kept, load_sizing, load_up
+from michell_cad.design_file import load_saved
 from michell_cad.edits import EditScript, change_knobs, read_script
 from michell_cad.files import writing_folder
 from michell_cad.output_section import OutputSection
@@ -52,11 +51,11 @@ def deliver_edit(
         f"--out {folder} is the folder of the design itself, which stays as it is; name another folder",
     )
     added = EditScript() if script is None else read_script(script)
-    design, knobs = load_design(path)
-    knobs = change_knobs(knobs, added.knobs, f"{script}: [knobs]")
+    saved = load_saved(path)
+    knobs = change_knobs(saved.knobs, added.knobs, f"{script}: [knobs]")
     knobs = change_knobs(knobs, changes or {})
-    edits = load_edits(path).undone(undo).then(*added.edits.edits)
+    edits = saved.edits.undone(undo).then(*added.edits.edits)
     require_place(folder, force)
-    structure = replace(edits.replay(design, knobs), kept=load_kept(path), sizing=load_sizing(path))
+    structure = saved.replay(knobs, edits)
     with writing_folder(folder) as partial:
-        return write_results(partial, structure, edits, output or OutputSection(), load_up(path), [], progress)
+        return write_results(partial, structure, edits, output or OutputSection(), saved.up, [], progress)

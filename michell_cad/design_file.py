@@ -6,7 +6,7 @@ Plain arrays and one JSON text, no pickled objects: the file can be read by any 
 import json
 import zipfile
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,6 +108,36 @@ def save_design(
         np.savez_compressed(file, meta=np.array(json.dumps(meta)), **arrays)
 
 
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """What a design file holds: a design, the knobs and edits it was built with, what it keeps, how it is sized."""
+
+    design: Design
+    knobs: Knobs
+    edits: EditList
+    kept: "tuple[KeptSolid, ...]"
+    sizing: StrengthenOptions | None
+    up: int
+
+    def replay(self, knobs: Knobs | None = None, edits: EditList | None = None) -> Structure:
+        """The structure, by other knobs and edits if some are given."""
+        structure = (self.edits if edits is None else edits).replay(self.design, knobs or self.knobs)
+        return replace(structure, kept=self.kept, sizing=self.sizing)
+
+
+def load_saved(path: str | Path) -> Saved:
+    """Read all of a design file; errors as for `load_design`."""
+    arrays, meta = _read(Path(path))
+    sizing = meta.get("sizing")
+    return Saved(
+        *_rebuild(arrays, meta),
+        EditList.of(meta.get("edits", []), str(path)),
+        _unpack_kept(arrays, meta),
+        None if sizing is None else StrengthenOptions(**sizing),
+        int(meta.get("up", DEFAULT_UP)),
+    )
+
+
 def load_design(path: str | Path) -> tuple[Design, Knobs]:
     """Read a design file back: the design, with nothing computed again, and its knobs.
 
@@ -124,35 +154,9 @@ def load_edits(path: str | Path) -> EditList:
     return EditList.of(_read(Path(path), only_meta=True)[1].get("edits", []), str(path))
 
 
-def load_up(path: str | Path) -> int:
-    """Read which axis points up in pictures of a design; errors as for `load_design`."""
-    return int(_read(Path(path), only_meta=True)[1].get("up", DEFAULT_UP))
-
-
-def load_kept(path: str | Path) -> "tuple[KeptSolid, ...]":
-    """Read the solids to unite a design with; errors as for `load_design`."""
-    arrays, meta = _read(Path(path))
-    if not meta.get("kept"):
-        return ()
-    from michell_cad.cad.keep import KeptSolid
-    from michell_cad.cad.kernel_files import solids_from_bytes
-
-    return tuple(
-        KeptSolid(name, *(solids_from_bytes(arrays[f"kept_{k}_{what}"].tobytes()) for what in _KEPT))
-        for k, name in enumerate(meta["kept"])
-    )
-
-
-def load_sizing(path: str | Path) -> StrengthenOptions | None:
-    """Read how a design is sized for its loads; errors as for `load_design`."""
-    options = _read(Path(path), only_meta=True)[1].get("sizing")
-    return None if options is None else StrengthenOptions(**options)
-
-
 def open_structure(path: str | Path) -> Structure:
     """Read a design file and replay its knobs and edits on the truss; errors as for both."""
-    design, knobs = load_design(path)
-    return replace(load_edits(path).replay(design, knobs), kept=load_kept(path), sizing=load_sizing(path))
+    return load_saved(path).replay()
 
 
 _KEPT = ("solids", "clearance")
@@ -169,6 +173,18 @@ def _pack_kept(kept: "Sequence[KeptSolid]") -> dict[str, np.ndarray]:
         for k, one in enumerate(kept)
         for what in _KEPT
     }
+
+
+def _unpack_kept(arrays: dict[str, np.ndarray], meta: dict[str, Any]) -> "tuple[KeptSolid, ...]":
+    if not meta.get("kept"):
+        return ()
+    from michell_cad.cad.keep import KeptSolid
+    from michell_cad.cad.kernel_files import solids_from_bytes
+
+    return tuple(
+        KeptSolid(name, *(solids_from_bytes(arrays[f"kept_{k}_{what}"].tobytes()) for what in _KEPT))
+        for k, name in enumerate(meta["kept"])
+    )
 
 
 def _read(path: Path, only_meta: bool = False) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

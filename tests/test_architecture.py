@@ -54,8 +54,10 @@ OUTSIDE = (
     "job",
     "output_section",
     "picture",
+    "plugins",
     "selection",
     "sizing_section",
+    "worker",
 )
 
 

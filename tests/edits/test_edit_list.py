@@ -6,7 +6,7 @@ import pytest
 from designs import small_bar
 
 import michell_cad.pipeline as pipeline
-from michell_cad.design_file import load_edits, load_up, open_structure, save_design
+from michell_cad.design_file import load_edits, load_saved, open_structure, save_design
 from michell_cad.edits import (
     AddSheet,
     AddStrut,
@@ -77,7 +77,7 @@ def test_the_list_is_saved_with_the_design_and_replays_to_the_same(tmp_path, mon
     edits = EditList((Remove(where=Where("boundary")), Entasis(to=0.2), Radius(where=Family("tension"), times=1.2)))
     save_design(tmp_path / "d.npz", BAR, Knobs(every=2), edits, up=1)
     assert load_edits(tmp_path / "d.npz") == edits
-    assert load_up(tmp_path / "d.npz") == 1
+    assert load_saved(tmp_path / "d.npz").up == 1
     for stage in ("solve_elasticity", "fit_frame_field", "parametrize", "trace_isocurves", "clean_network"):
         monkeypatch.delattr(pipeline, stage)
     opened, made = open_structure(tmp_path / "d.npz"), edits.replay(BAR, Knobs(every=2))
@@ -109,7 +109,7 @@ def test_a_design_file_of_before_edits_has_none(tmp_path):
     del meta["edits"], meta["up"]
     np.savez(tmp_path / "old.npz", meta=np.array(json.dumps(meta | {"version": 1})), **arrays)
     assert load_edits(tmp_path / "old.npz") == EditList()
-    assert load_up(tmp_path / "old.npz") == 2
+    assert load_saved(tmp_path / "old.npz").up == 2
     assert len(open_structure(tmp_path / "old.npz").truss.members) == len(BAR.truss.members)
 
 

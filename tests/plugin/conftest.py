@@ -1,0 +1,11 @@
+"""What the tests of add-ins share; the run ends with the hosts that were really exercised."""
+
+from hosts import EXERCISED
+
+collect_ignore_glob = ["freecad_*.py"]
+"""Scripts for a host: only its own Python can import them."""
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say which hosts the tests have run."""
+    terminalreporter.write_line(f"hosts really exercised: {'; '.join(EXERCISED) or 'none'}")

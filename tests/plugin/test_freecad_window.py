@@ -1,0 +1,71 @@
+"""The workbench in FreeCAD's window, on a screen that nobody sees (Xvfb)."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hosts import EXERCISED, LIMIT, find_freecad, freecad_home
+from PIL import Image
+
+HERE = Path(__file__).parent
+FAMILY_COLOURS = {"tension": (214, 94, 0), "compression": (0, 115, 178), "third": (0, 158, 115)}
+"""As the package has them, in the 8 bits of a screen."""
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory) -> tuple[dict, np.ndarray]:
+    folder = tmp_path_factory.mktemp("window")
+    program = find_freecad("freecad")
+    for tool, package in (("xvfb-run", "xvfb"), ("import", "imagemagick")):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed (Debian: apt-get install {package})")
+    command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", program, str(HERE / "freecad_window.py")]
+    environment = freecad_home(folder) | {"WALK_FOLDER": str(folder)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=LIMIT, check=False)
+    EXERCISED.append("FreeCAD with a window")
+    assert (folder / "window.json").is_file(), done.stdout[-2000:] + done.stderr[-2000:]
+    found = json.loads((folder / "window.json").read_text())
+    assert done.returncode == 0, found.get("error")
+    return found, np.asarray(Image.open(folder / "window.png").convert("RGB")).astype(int)
+
+
+def test_the_workbench_has_its_commands(window):
+    assert set(window[0]["commands"]) == {"Michell_New", "Michell_Edit", "Michell_Export", "Michell_SaveJob"}
+
+
+def test_the_form_takes_picked_faces_and_asks_for_what_is_missing(window):
+    found = window[0]
+    assert "give: a support, a load" in found["told"][0]
+    assert "Select one or more faces" in found["told"][1]
+    assert len(found["told"]) == 2
+    assert found["lists"] == ["Face1: xyz", "Face2: (0, 0, -500) N (main)"]
+    assert found["materials"] > 3
+
+
+def test_cancel_leaves_the_document(window):
+    text, objects = window[0]["cancelled"]
+    assert window[0]["computing"] >= 1
+    assert "as it was" in text
+    assert objects == ["Bar"]
+
+
+def test_the_truss_takes_the_place_of_the_body_and_its_knob_turns(window):
+    found = window[0]
+    assert "has not been saved" in found["note"]
+    assert found["knobs"]["entasis"] == 0.4
+    assert not found["body_shown"]
+    assert found["painted"]
+    assert found["colours"] >= 4
+
+
+def test_the_screen_shows_three_families(window):
+    pixels = window[1].reshape(-1, 3)
+    for name, colour in FAMILY_COLOURS.items():
+        # lit surfaces have the hue of their colour at another brightness
+        wanted = np.array(colour) / np.linalg.norm(colour)
+        length = np.linalg.norm(pixels, axis=1)
+        alike = (pixels @ wanted > 0.995 * length) & (length > 60)
+        assert alike.sum() > 500, name
