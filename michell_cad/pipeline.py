@@ -145,10 +145,10 @@ def design(
             (mesh, stress_field.stress, frame_field.frames, options.parametrization),
             lambda: parametrize(mesh, stress_field, frame_field, options.parametrization, advance),
         )
-    with _stage("isocurves", times, progress):
         levels, spacing = parametrization.levels(options.resolution, options.spacing, options.layers)
         require_fine_enough(mesh, spacing)
         families = name_families(mesh, stress_field.stress, parametrization.tangents)
+    with _stage("isocurves", times, progress):
         network = cache.keep(
             "isocurves", CurveNetwork, (mesh, levels, families), lambda: trace_isocurves(mesh, levels, families)
         )

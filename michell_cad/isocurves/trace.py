@@ -349,7 +349,11 @@ def _order_nodes(nodes: _Nodes) -> Int[np.ndarray, " n"]:
 
 
 def _lexsort(nodes: _Nodes, some: np.ndarray) -> np.ndarray:
-    return np.lexsort((*nodes.points[some].T[::-1], *nodes.levels[some].T[::-1], nodes.kinds[some]))
+    kinds, levels = nodes.kinds[some], nodes.levels[some]
+    order = np.lexsort((*levels.T[::-1], kinds))
+    if not (same_as_previous(levels[order]) & same_as_previous(kinds[order, None])).any():
+        return order
+    return np.lexsort((*nodes.points[some].T[::-1], *levels.T[::-1], kinds))
 
 
 def _label(woven: WovenCurves, labels: np.ndarray, axes: np.ndarray, families: tuple[str, str, str]) -> Curves:

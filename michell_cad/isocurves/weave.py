@@ -13,8 +13,10 @@ from jaxtyping import Bool, Float, Int
 
 from michell_cad.arrays import same_as_previous
 from michell_cad.compiled import compiled
+from michell_cad.curves import NO_ISOVALUE
 from michell_cad.isocurves.chains import Chains
 from michell_cad.isocurves.interior import Segments
+from michell_cad.isocurves.lattice import lexicographic_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +99,11 @@ def _order_curves(
 
     The mean is relative to the size of the part and rounded beyond the noise.
     """
-    order = np.lexsort(keys.T[::-1])
+    # Kind, isovalues and first node nearly always decide, and fit in one number.
+    first, given = keys[:, :5], keys[:, :5] != NO_ISOVALUE
+    order = lexicographic_order(np.where(given, first, first.max(initial=0, where=given) + 1))
+    if same_as_previous(first[order]).any():
+        order = np.lexsort(keys.T[::-1])
     same = same_as_previous(keys[order])
     tied = np.union1d(order[1:][same], order[:-1][same])
     if not len(tied):
