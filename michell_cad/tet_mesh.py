@@ -280,8 +280,8 @@ class TetMesh:
         """
         edges, triangle_edges, counts = self._boundary_edge_numbering
         normals = self.boundary_area_vectors / np.linalg.norm(self.boundary_area_vectors, axis=1, keepdims=True)
-        summed = np.zeros((len(edges), 3))
-        np.add.at(summed, triangle_edges.ravel(), np.repeat(normals, 3, axis=0))
+        owners = triangle_edges.ravel()
+        summed = np.stack([np.bincount(owners, np.repeat(one, 3), len(edges)) for one in normals.T], axis=1)
         cosine = (np.einsum("ed,ed->e", summed, summed) - 2) / 2
         return frozen((counts != 2) | (cosine < FEATURE_COSINE))
 
