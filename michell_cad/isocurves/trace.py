@@ -157,7 +157,6 @@ def trace_isocurves(
         (NodeKind.FEATURE, edge_points[on_sharp], edge_levels[on_sharp]),
         (NodeKind.CORNER, mesh.vertices[features.corners], levels[features.corners]),
     )
-
     corner_nodes = _corner_nodes(features, len(nodes.points) - len(features.corners))
     parts = [interior, surface.segments, features.segments]
     strands = _Strands(
