@@ -6,7 +6,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from michell_cad.delivery import Progress, design_options
+from michell_cad.building import Progress
+from michell_cad.delivery import design_options
 from michell_cad.domain import read_part
 from michell_cad.job import build_problem, read_job
 from michell_cad.knobs import apply_knobs

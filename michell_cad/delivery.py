@@ -3,26 +3,22 @@
 import json
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from michell_cad.arrays import require
+from michell_cad.building import Progress, build_united, size_finished
 from michell_cad.cad import (
     KeptSolid,
     TrussSolid,
-    build_solid,
     export_solid,
     file_name,
     forecast_step,
     keep_material,
-    prepare_truss,
-    resolve_radius,
-    unite,
 )
 from michell_cad.design_file import save_design
 from michell_cad.domain import Outline, Part, mesh_outline, read_outline
@@ -30,13 +26,10 @@ from michell_cad.edits import (
     NO_EDITS,
     Attach,
     EditList,
-    Entasis,
     PlateMesh,
-    Radius,
     Structure,
     attachment_frames,
     build_sheets,
-    size_structure,
     tagged_members,
     write_script,
 )
@@ -51,12 +44,10 @@ from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, Sta
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
 from michell_cad.stage_cache import StageCache
-from michell_cad.strength import StrengthenReport, strength_block, strengthen, strengthen_block
+from michell_cad.strength import strength_block, strengthen_block
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import SizedTruss
 from michell_cad.truss_json import write_truss_json
-
-Progress = Callable[[str, float], None]
 
 SOLID_STEM = "truss"
 """Files of the solid have this name and the extension of their format."""
@@ -187,7 +178,7 @@ def write_results(
     """
     result, mesh = structure.design, structure.whole_mesh
     with _timed("sizing", times, progress):
-        sizing = size_for_loads(structure)
+        sizing = size_finished(structure)
     with _timed("solid", times, progress):
         solid = build_united(structure, sizing, progress)
     built, knobs = solid.prepared.sized, sizing.knobs
@@ -222,70 +213,6 @@ def write_results(
     report["notes"] = [*_notes(report, knobs), *sizing.notes, *strength_notes, *solid.report.messages]
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return report
-
-
-@dataclass(frozen=True, eq=False)
-class Sizing:
-    """The radii of a structure, and where they come from.
-
-    Parameters
-    ----------
-    sized : the truss with its radii.
-    knobs : with the radius for a target volume or mass.
-    report : of sizing for the loads; None if the knobs and edits alone decide.
-    notes : what a reader of the report should know.
-    """
-
-    sized: SizedTruss
-    knobs: Knobs
-    report: StrengthenReport | None
-    notes: tuple[str, ...]
-
-
-def size_for_loads(structure: Structure) -> Sizing:
-    """Give every member its radius, by knobs and edits, and then as the loads want it, if the structure asks for that.
-
-    Sized is twice: thick members merge nodes and give way to each other in the solid, and forces go with them.
-    """
-    design = structure.design
-    knobs = resolve_radius(
-        structure.knobs,
-        lambda knobs: size_structure(structure, knobs),
-        structure.truss.spacing,
-        float(structure.whole_mesh.volumes.sum()),
-        design.problem.material.density,
-    )
-    part, options = (design.problem, design.stress_field, design.parametrization), structure.sizing
-    sized = size_structure(structure, knobs)
-    if options is None:
-        return Sizing(sized, knobs, None, ())
-    if options.size_by is not None:
-        require(not structure.others, "[sizing] knows the loads of one part only: leave it out for joined trusses")
-        require(
-            not structure.of_kind(Radius) and not structure.of_kind(Entasis),
-            "the radii of this design are sized for its loads, so that edits of radius and entasis have no say: design "
-            "it without `by` in [sizing], or leave these edits out",
-        )
-    sized, first, notes = strengthen(*part, sized, options)
-    if first is None:
-        return Sizing(sized, knobs, None, tuple(notes))
-    buildable = prepare_truss(sized, knobs).sized
-    volume_fraction = first.volume_mm3 / float(design.problem.mesh.volumes.sum())
-    sized, second, more = strengthen(*part, buildable, replace(options, braces=False, volume_fraction=volume_fraction))
-    assert second is not None
-    # Gains compare with equal members of the truss that the knobs chose.
-    gain = first.failure_gain * second.failure_factor / first.failure_factor
-    return Sizing(
-        sized, knobs, replace(second, options=options, failure_gain=gain), tuple(dict.fromkeys([*notes, *more]))
-    )
-
-
-def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
-    """The solid of a structure, united with what it keeps."""
-    solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
-    if structure.kept:
-        solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
-    return solid
 
 
 def _measure_strength(structure: Structure, solid: TrussSolid) -> tuple[dict[str, Any] | None, list[str]]:

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from michell_cad.arrays import require
-from michell_cad.delivery import DESIGN_FILE, Progress, require_place, write_results
+from michell_cad.building import Progress
+from michell_cad.delivery import DESIGN_FILE, require_place, write_results
 from michell_cad.design_file import load_saved
 from michell_cad.edits import EditScript, change_knobs, read_script
 from michell_cad.files import writing_folder

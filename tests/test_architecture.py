@@ -41,6 +41,7 @@ NUMERICS = (
     "warm_up",
 )
 OUTSIDE = (
+    "building",
     "cad",
     "cli",
     "cli_edit",

@@ -111,11 +111,11 @@ def test_knobs_change_the_solid_and_the_design_stays(folder, design):
 
 
 def test_export_builds_once(folder, design, monkeypatch):
-    import michell_cad.delivery as delivery
+    import michell_cad.building as building
 
     built = []
-    original = delivery.build_united
-    monkeypatch.setattr(delivery, "build_united", lambda *a: built.append(1) or original(*a))
+    original = building.build_united
+    monkeypatch.setattr(building, "build_united", lambda *a: built.append(1) or original(*a))
     knobs = {"radius": 0.7}
     events = serve(
         {"id": 1, "do": "build", "design": design, "knobs": knobs, "folder": str(folder / "e")},

@@ -54,7 +54,7 @@ class Session:
 
     def build(self, path: str, changes: Mapping[str, Any], progress: Progress) -> "tuple[Design, Knobs, TrussSolid]":
         """Build a design with changed knobs, or find the solid again: the design, the knobs as used, and the solid."""
-        from michell_cad.delivery import build_united, size_for_loads
+        from michell_cad.building import build_united, size_finished
         from michell_cad.edits import change_knobs
 
         key, saved = self.open(path)
@@ -62,7 +62,7 @@ class Session:
         if (key, wanted) not in self.solids:
             progress("solid", 0.0)
             structure = saved.replay(wanted)
-            sizing = size_for_loads(structure)
+            sizing = size_finished(structure)
             self.solids = {(key, wanted): (sizing.knobs, build_united(structure, sizing, progress))}
         return (saved.design, *self.solids[key, wanted])
 

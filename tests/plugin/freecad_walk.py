@@ -33,10 +33,10 @@ def main() -> None:
     found["cancelled"] = refused(document, body, cancel=True)
     found["died"] = refused(document, body, cancel=False)
     truss = make(document, body)
-    found["made"] = state(truss)
+    found["made"] = state(truss, "made.brep")
     found["properties"] = describe(truss)
     shutil.copy(truss.DesignFile, FOLDER / "design.npz")
-    found["turns"] = [turn(document, truss, changes) for changes in TURNS]
+    found["turns"] = [turn(document, truss, changes, f"turn{k}.brep") for k, changes in enumerate(TURNS)]
     found["turned_back"] = cancel_a_turn(document, truss)
     found["expression"] = drive_by_spreadsheet(document, truss)
     export(truss)
@@ -93,11 +93,14 @@ def refused(document, body, cancel):
     return {"kind": "none", "stages": seen}
 
 
-def state(truss):
-    """What a truss shows."""
+def state(truss, file=None):
+    """What a truss shows; its shape goes to a file, to be measured by more than FreeCAD's plain rule."""
     from michell_workbench.trusses import read_knobs
 
+    if file is not None:
+        truss.Shape.exportBrep(str(FOLDER / file))
     return {
+        "file": file,
         "volume": truss.Shape.Volume,
         "valid": truss.Shape.isValid(),
         "told_volume": truss.SolidVolume,
@@ -137,14 +140,14 @@ def clamps(truss, name):
     return found
 
 
-def turn(document, truss, changes):
+def turn(document, truss, changes, file):
     """Turn knobs and recompute."""
     from michell_workbench.trusses import update
 
     for name, value in changes.items():
         setattr(truss, name, value)
     update(document)
-    return state(truss)
+    return state(truss, file)
 
 
 def cancel_a_turn(document, truss):
@@ -214,7 +217,7 @@ def reopen():
     truss.setExpression("Entasis", None)
     truss.Entasis, truss.Radius = 0.0, 1.0
     update(document)
-    turned = state(truss) | {"workers": len(session._workers)}
+    turned = state(truss, "reopened.brep") | {"workers": len(session._workers)}
     App.closeDocument(document.Name)
     return {"as_saved": as_saved, "bounds": bounds, "turned": turned}
 
