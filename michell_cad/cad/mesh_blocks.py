@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from michell_cad.cad.mitres import SPHERE
+from michell_cad.cad.mitre_cuts import SPHERE
 from michell_cad.cad.prepared import PreparedTruss
 
 TURN = 2 * np.pi
