@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from michell_cad.cad.centerlines import point_at
 from michell_cad.cad.node_sizing import size_node
 from michell_cad.compiled import compiled
 
@@ -23,19 +24,6 @@ FARTHEST_AIM = 0.6
 
 NUDGE = np.radians(0.7)
 """Directions of creased members in special position are turned by multiples of this angle."""
-
-
-def _point_at(points: Any, s: float, target: Any) -> None:
-    """Write the point at the fraction s of a row of samples (k, 3), on the cubic through the four nearest."""
-    k = len(points)
-    x = min(max(s, 0.0), 1.0) * (k - 1)
-    first = min(max(int(np.floor(x)) - 1, 0), k - 4)
-    t = x - first
-    a, b = -(t - 1) * (t - 2) * (t - 3) / 6, t * (t - 2) * (t - 3) / 2
-    c, e = -t * (t - 1) * (t - 3) / 2, t * (t - 1) * (t - 2) / 6
-    for i in range(3):
-        row = points[first : first + 4, i]
-        target[i] = a * row[0] + b * row[1] + c * row[2] + e * row[3]
 
 
 def _normalise(x: Any) -> None:
@@ -59,7 +47,7 @@ def _point_end(points: Any, length: float, end: int, aim: float, nudges: int, d:
     """Write the direction of an end: from its node to the point of its curve at the distance `aim`."""
     s = min(aim / length, 1.0)
     node = points[0] if end % 2 == 0 else points[-1]
-    point_at(points, s if end % 2 == 0 else 1 - s, d)
+    point_at(points, s if end % 2 == 0 else 1 - s, False, d)
     for i in range(3):
         d[i] -= node[i]
     normalise(d)
@@ -112,7 +100,6 @@ def _size_nodes(
                     again = True
 
 
-point_at = compiled(_point_at)
 normalise = compiled(_normalise, inline=True)
 nudge = compiled(_nudge)
 point_end = compiled(_point_end)
