@@ -10,6 +10,7 @@ import numpy as np
 
 from michell_cad.cad.centerlines import point_at
 from michell_cad.cad.node_sizing import size_node
+from michell_cad.cad.vectors import cross, normalise
 from michell_cad.compiled import compiled
 
 AIM_GROWTH, AIM_POWER = 1.4, 0.6
@@ -26,20 +27,15 @@ NUDGE = np.radians(0.7)
 """Directions of creased members in special position are turned by multiples of this angle."""
 
 
-def _normalise(x: Any) -> None:
-    """Make a vector a unit vector."""
-    size = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
-    for i in range(3):
-        x[i] /= size
-
-
 def _nudge(d: Any, angle: float) -> None:
     """Turn a unit vector by an angle, about an axis that depends on it alone."""
-    x = np.empty(3)
-    x[0], x[1], x[2] = d[2] + 0.3, d[0] - 0.2, d[1] + 0.1
-    axis = np.cross(d, x)
+    beside, axis, across = np.empty(3), np.empty(3), np.empty(3)
+    beside[0], beside[1], beside[2] = d[2] + 0.3, d[0] - 0.2, d[1] + 0.1
+    cross(d, beside, axis)
     normalise(axis)
-    d += np.tan(angle) * np.cross(axis, d)
+    cross(axis, d, across)
+    for i in range(3):
+        d[i] += np.tan(angle) * across[i]
     normalise(d)
 
 
@@ -100,7 +96,6 @@ def _size_nodes(
                     again = True
 
 
-normalise = compiled(_normalise, inline=True)
 nudge = compiled(_nudge)
 point_end = compiled(_point_end)
 size_nodes = compiled(_size_nodes)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze
+from michell_cad.cad.vectors import distance
 from michell_cad.compiled import compiled
 
 CELLS_PER_BALL = 8
@@ -204,13 +205,8 @@ def _cell_range(point: Any, reach: float, low: Any, cell: float, shape: Any, fir
         last[x] = max(min(int(np.floor((point[x] + reach - low[x]) / cell)) + 1, shape[x]), first[x])
 
 
-def _distance(p: Any, q: Any) -> float:
-    return np.sqrt((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2)
-
-
 sort_into_cells = compiled(_sort_into_cells)
 cell_range = compiled(_cell_range)
-distance = compiled(_distance, inline=True)
 is_apart = compiled(_is_apart)
 find_overlaps = compiled(_find_overlaps)
 find_inside = compiled(_find_inside)

@@ -7,6 +7,7 @@ import numpy as np
 
 from michell_cad.cad.mitre_cuts import SPHERE
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.vectors import cross, dot, triple
 from michell_cad.compiled import compiled
 
 TURN = 2 * np.pi
@@ -92,7 +93,7 @@ def _sum_arcs(links: Any, widths: Any, corners: Any, d: Any, cosine: Any) -> tup
     """See `mitre_area`; links (end, neighbour, first corner, last corner) and widths are those of the pieces."""
     k, n = len(d), len(corners)
     begins, stops, following = np.full(n, -1), np.full(n, -1), np.full(n, -1)
-    groups = np.arange(k)
+    groups, arriving, leaving = np.arange(k), np.empty(3), np.empty(3)
     total, loops, unions = 0.0, 0, k
     for piece in range(len(links)):
         e, j, first, last = links[piece]
@@ -108,9 +109,9 @@ def _sum_arcs(links: Any, widths: Any, corners: Any, d: Any, cosine: Any) -> tup
         if begins[c] >= 0:
             # Against the direction of the arcs: along the arc that starts here, then along the one that stops here.
             x = corners[c]
-            arriving, leaving = -np.cross(d[begins[c]], x), -np.cross(d[stops[c]], x)
-            across = np.dot(np.cross(arriving, leaving), x) / np.sqrt(np.dot(x, x))
-            total -= np.arctan2(across, np.dot(arriving, leaving))
+            cross(x, d[begins[c]], arriving)
+            cross(x, d[stops[c]], leaving)
+            total -= np.arctan2(triple(arriving, leaving, x) / np.sqrt(dot(x, x)), dot(arriving, leaving))
     for c in range(n):
         loops += following[c] >= 0
         at = c

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from michell_cad.cad.vectors import cross, distance, dot
 from michell_cad.compiled import compiled
 
 SPHERE = -1
@@ -30,12 +31,11 @@ def _bisectors(d: Any, N: Any, B: Any, r: float) -> tuple[Any, Any]:
     for e in range(k):
         for j in range(k):
             if j != e:
-                less, more, along, across = 0.0, 0.0, 0.0, 0.0
+                less, more = 0.0, 0.0
                 for i in range(3):
                     less += (d[e, i] - d[j, i]) ** 2
                     more += (d[e, i] + d[j, i]) ** 2
-                    along += N[e, i] * d[j, i]
-                    across += B[e, i] * d[j, i]
+                along, across = dot(N[e], d[j]), dot(B[e], d[j])
                 size = r * np.sqrt(more / less) / max(np.hypot(along, across), TINY)
                 a[e, j], b[e, j] = size * along, size * across
     return a, b
@@ -45,9 +45,7 @@ def _binormals(d: Any, N: Any) -> Any:
     """The vector products d x N."""
     B = np.empty(d.shape)
     for e in range(len(d)):
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            B[e, i] = d[e, j] * N[e, k] - d[e, k] * N[e, j]
+        cross(d[e], N[e], B[e])
     return B
 
 
@@ -169,11 +167,9 @@ def _find_corners(
                 corners[count, x] = height * d[e, x] + r * (np.cos(u) * N[e, x] + np.sin(u) * B[e, x])
             found = 0
             while found < count:
-                gap, same = 0.0, True
-                for x in range(3):
-                    gap += (corners[count, x] - corners[found, x]) ** 2
-                    same &= keys[count, x] == keys[found, x]
-                if same and gap < (SAME_POINT * r) ** 2:
+                same = keys[count, 0] == keys[found, 0] and keys[count, 1] == keys[found, 1]
+                same &= keys[count, 2] == keys[found, 2]
+                if same and distance(corners[count], corners[found]) < SAME_POINT * r:
                     break
                 found += 1
             of_break[i] = found
@@ -213,11 +209,7 @@ def _cut_between(
         at[m], corner[m] = TURN, zero + e
         m += 1
     if j != SPHERE and offsets[j + 1] > offsets[j] and neighbours[offsets[j + 1] - 1] == e:
-        across, along = 0.0, 0.0
-        for x in range(3):
-            across += corners[zero + j, x] * B[e, x]
-            along += corners[zero + j, x] * N[e, x]
-        where = np.arctan2(across, along) % TURN
+        where = np.arctan2(dot(corners[zero + j], B[e]), dot(corners[zero + j], N[e])) % TURN
         at[m], corner[m] = where if where > u else where + TURN, zero + j
         m += 1
     order = sort_along(at[:m])

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull
 
+from michell_cad.cad.vectors import dot, triple
 from michell_cad.compiled import compiled
 
 SPACING = 0.28
@@ -74,9 +75,12 @@ def _turn_outward(points: Any, triangles: Any, neighbours: Any, normals: Any) ->
 
     neighbours (t, 3) are across from the three vertices.
     """
+    first, second = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
-        a, b, c = points[triangles[t, 0]], points[triangles[t, 1]], points[triangles[t, 2]]
-        if np.dot(np.cross(b - a, c - a), normals[t, :3]) < 0:
+        a, b, c = triangles[t]
+        for i in range(3):
+            first[i], second[i] = points[b, i] - points[a, i], points[c, i] - points[a, i]
+        if triple(first, second, normals[t]) < 0:
             triangles[t, 0], triangles[t, 2] = triangles[t, 2], triangles[t, 0]
             neighbours[t, 0], neighbours[t, 2] = neighbours[t, 2], neighbours[t, 0]
 
@@ -87,8 +91,7 @@ def _outside_caps(points: Any, triangles: Any, directions: Any, cosine: Any) -> 
     inside = np.empty(len(points), np.bool_)
     for k in range(len(directions)):
         for i in range(len(points)):
-            x, d = points[i], directions[k]
-            inside[i] = x[0] * d[0] + x[1] * d[1] + x[2] * d[2] >= cosine[k] - ON_CAP
+            inside[i] = dot(points[i], directions[k]) >= cosine[k] - ON_CAP
         for t in range(len(triangles)):
             kept[t] &= not (inside[triangles[t, 0]] and inside[triangles[t, 1]] and inside[triangles[t, 2]])
     return kept
@@ -140,8 +143,7 @@ def _shares_of_volume(points: Any, triangles: Any, is_inner: Any) -> Any:
     """Volume between the origin and the triangles with 0, 1, 2 and 3 inner points."""
     share = np.zeros(4)
     for a, b, c in triangles:
-        six = np.dot(points[a], np.cross(points[b], points[c]))
-        share[int(is_inner[a]) + int(is_inner[b]) + int(is_inner[c])] += six / 6
+        share[int(is_inner[a]) + int(is_inner[b]) + int(is_inner[c])] += triple(points[b], points[c], points[a]) / 6
     return share
 
 
