@@ -79,17 +79,21 @@ def _size_nodes(
     """
     for i in nodes:
         ends = order[bounds[i] : bounds[i + 1]]
-        d, r, f, start = np.empty((len(ends), 3)), np.empty(len(ends)), np.empty(len(ends)), np.empty(len(ends))
-        bends = np.empty(len(ends), np.bool_)
-        again = len(ends) > 0
+        k = len(ends)
+        d, bends, wished = np.empty((k, 3)), np.empty(k, np.bool_), np.empty(k)
+        r, f, start = np.empty(k), np.empty(k), np.empty(k)
+        again = k > 0
         while again:
             for j, e in enumerate(ends):
+                wished[j] = radii[e]
                 point_end(points[e // 2], lengths[e // 2], e, aim[e], nudges[i], d[j])
-            sphere[i], rivals = size_node(d, radii[ends], room[i, 0], room[i, 1], fillet_ratio[i], r, f, start, bends)
+            sphere[i], rivals = size_node(d, wished, room[i, 0], room[i, 1], fillet_ratio[i], r, f, start, bends)
             again = False
             for j, e in enumerate(ends):
                 wanted = min(start[j], FARTHEST_AIM * lengths[e // 2])
-                directions[e], end_radius[e], fillet[e], reach[e], creased[e] = d[j], r[j], f[j], start[j], bends[j]
+                for x in range(3):
+                    directions[e, x] = d[j, x]
+                end_radius[e], fillet[e], reach[e], creased[e] = r[j], f[j], start[j], bends[j]
                 rival[e] = ends[rivals[j]] if rivals[j] >= 0 else -1
                 if wanted > AIM_ENOUGH * aim[e]:
                     aim[e] *= min((wanted / aim[e]) ** AIM_POWER, AIM_GROWTH)

@@ -75,7 +75,7 @@ def _size_node(
         if not equalise(creased, r):
             break
     fit_crease_fillets(angle, crease, creased, r, f)
-    R = settle_radius(max(smallest * widest, needed), angle, crease, creased, r, f)
+    R = settle_radius(max(smallest * widest, needed), angle, creased, r, f)
     for i in range(k):
         reach[i] = np.sqrt((R + f[i]) ** 2 - (r[i] + f[i]) ** 2)
         if creased[i]:
@@ -113,14 +113,17 @@ def _fit_crease_fillets(angle: Any, crease: Any, creased: Any, r: Any, f: Any) -
             f[i] = min(smallest, share * r[i])
 
 
-def _settle_radius(start: float, angle: Any, crease: Any, creased: Any, r: Any, f: Any) -> float:
+def _settle_radius(start: float, angle: Any, creased: Any, r: Any, f: Any) -> float:
     """Raise the R of a node with creases until every pair of ends is clear, or creased and overlaps clearly.
 
     If no larger R does, smaller ones are tried; inf if none is found.
     """
-    if not crease.any():
+    widest, has_crease = 0.0, False
+    for i in range(len(r)):
+        widest, has_crease = max(widest, r[i]), has_crease or creased[i]
+    if not has_crease:
         return start
-    lowest = SMALLEST_RATIO * r.max()
+    lowest = SMALLEST_RATIO * widest
     for step in range(SETTLE_STEPS):
         R = start + step / (SETTLE_STEPS - 1) * (SETTLE - 1) * start
         if is_settled(R, angle, creased, r, f):
