@@ -5,6 +5,7 @@ from michell_cad.edits.attachments import Attach, Frames, attachment_frames
 from michell_cad.edits.edit_list import NO_EDITS, EditList, EditScript, change_knobs, read_script, write_script
 from michell_cad.edits.joining import Join
 from michell_cad.edits.removing import Remove, RemoveOpenEnds, Thin
+from michell_cad.edits.script_schema import script_schema
 from michell_cad.edits.selections import (
     Box,
     Every,
@@ -59,6 +60,7 @@ __all__ = [
     "build_sheets",
     "change_knobs",
     "read_script",
+    "script_schema",
     "selection_from",
     "size_structure",
     "tagged_members",
