@@ -250,11 +250,11 @@ def _aim_farther(layout: Layout, members: np.ndarray) -> np.ndarray:
     sizes, chords = layout.sizes, layout.sized.truss.lengths[members]
     reach, r = (sizes[name].reshape(-1, 2)[members] for name in ("reach", "end_radius"))
     rival = sizes["rival"].reshape(-1, 2)[members]
-    tips = np.where(rival >= 0, reach, 0.0)
-    share = (chords - SHORTEST_TUBE * r.mean(1) - (reach - tips).sum(1)) / np.maximum(tips.sum(1), 1e-12)
+    tips, rest = np.where(rival >= 0, reach, 0.0), np.where(rival >= 0, 0.0, reach)
+    share = (chords - SHORTEST_TUBE * r.mean(1) - rest.sum(1)) / np.maximum(tips.sum(1), 1e-12)
     row, side = np.nonzero((rival >= 0) & np.isfinite(reach))
     e, q = 2 * members[row] + side, rival[row, side]
-    room = (reach * share[:, None])[row, side] - CREASE_CLEARANCE * sizes["end_radius"][e]
+    room = reach[row, side] * share[row] - CREASE_CLEARANCE * sizes["end_radius"][e]
     needed = 2 * np.arctan((sizes["end_radius"] + sizes["fillet"])[e] / np.maximum(room, 1e-12))
     aims = np.maximum(layout.aim[e], layout.aim[q])[:, None] * AIM_STEPS
     d = [_directions(layout, end, np.minimum(aims, layout.farthest[end][:, None])) for end in (e, q)]

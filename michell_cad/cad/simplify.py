@@ -79,7 +79,7 @@ def _near_changes(truss: Truss, merges, detours) -> np.ndarray:
     hot[[i for pair in merges for i in pair]] = True
     hot[truss.members[[m for m, _ in detours]]] = True
     hot[[j for _, j in detours if j < len(hot)]] = True
-    return hot[truss.members].any(1)
+    return np.asarray(hot[truss.members].any(1))
 
 
 def _touched_curves(truss: Truss, near: np.ndarray) -> np.ndarray:

@@ -255,10 +255,20 @@ class _Goal:
         # The largest second derivative of the first step is 5.8; of the other 3.9, and its largest value 0.2.
         over = np.maximum(size * room / np.maximum(far, room), np.sqrt(5.8 * BEND * r * far))
         turn_over = np.maximum(room / (0.2 * np.maximum(angle, 1e-12)), 3.9 * BEND * r * angle)
-        shares = (np.minimum(x / size, 1) for x in (over, turn_over))
+        over, turn_over = (np.minimum(x / size, 1) for x in (over, turn_over))
         chord = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         goal = _Goal(
-            lines.points, lines.directions, ends, radius, free, trims, gap, turn * size[..., None], *shares, chord
+            lines.points,
+            lines.directions,
+            ends,
+            radius,
+            free,
+            trims,
+            gap,
+            turn * size[..., None],
+            over,
+            turn_over,
+            chord,
         )
         points = goal._curves_at(np.linspace(0, 1, lines.points.shape[1] // 2 + 1))
         along = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)

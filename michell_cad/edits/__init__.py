@@ -20,7 +20,7 @@ from michell_cad.edits.selections import (
 )
 from michell_cad.edits.sentences import selection_from
 from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
-from michell_cad.edits.sizing import Entasis, Radius, size_structure
+from michell_cad.edits.sizing import Entasis, Radius, resize_structure, size_structure
 from michell_cad.edits.snapping import Snap
 from michell_cad.edits.structure import DesignFields, Edit, Structure
 from michell_cad.edits.tagging import Tag, tagged_members
@@ -60,6 +60,7 @@ __all__ = [
     "build_sheets",
     "change_knobs",
     "read_script",
+    "resize_structure",
     "script_schema",
     "selection_from",
     "size_structure",
