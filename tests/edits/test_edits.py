@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from designs import coarse_bar, small_bar, turned_design
+from designs import coarse_bar, small_bar
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial.transform import Rotation
 
 from michell_cad.cad import SolidReport, build_solid
 from michell_cad.edits import (
@@ -240,33 +239,6 @@ def report_or_message(structure: Structure) -> SolidReport | str:
         return build_solid(size_structure(structure), structure.knobs).report
     except (InvalidInputError, GeometryKernelError) as error:
         return str(error)
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed):
-    """All but snapping, which traces anew: rounding decides in which order members of equal length are merged."""
-    points = [(31.0, 24.0, 13.0), (55.0, 11.0, 25.0)]
-    Q = Rotation.random(random_state=seed).as_matrix()
-
-    def edits(Q: np.ndarray) -> EditList:
-        ends = [tuple((Q @ x).tolist()) for x in BAR.truss.nodes[[3, 40]]]
-        at = [tuple((Q @ np.array(point)).tolist()) for point in points]
-        return EditList(
-            (
-                Remove(where=Near(at[-1], 12.0) & Family(("tension", "third"))),
-                AddStrut(between=(ends[0], ends[1]), reach=30.0),
-                Radius(over="stress", values=(0.7, 1.3)),
-                Radius(where=Near(at[0], 20.0), over="depth", values=(0.7, 1.3)),
-                Entasis(where=Family("compression"), to=0.3),
-            )
-        )
-
-    one = edits(np.eye(3)).replay(BAR, Knobs())
-    other = edits(Q).replay(turned_design(BAR, Q), Knobs())
-    np.testing.assert_allclose(other.truss.nodes, one.truss.nodes @ Q.T, atol=1e-6)
-    np.testing.assert_array_equal(other.truss.members, one.truss.members)
-    assert [c.name for c in other.truss.curves] == [c.name for c in one.truss.curves]
-    np.testing.assert_allclose(size_structure(other).radii, size_structure(one).radii, rtol=1e-6)
 
 
 def test_an_edited_truss_is_still_one_valid_solid():
