@@ -85,6 +85,6 @@ def _resized(structure: Structure, sized: SizedTruss) -> tuple[SizedTruss, list[
 def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
     """The solid of a structure, united with what it keeps."""
     solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
-    if structure.kept:
-        solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
+    if structure.whole_kept:
+        solid = unite(solid, structure.whole_kept, lambda fraction: progress("keep", fraction))
     return solid
