@@ -8,7 +8,7 @@ from michell_cad.arrays import require
 from michell_cad.building import Progress
 from michell_cad.delivery import DESIGN_FILE, require_place, write_results
 from michell_cad.design_file import load_saved
-from michell_cad.edits import EditScript, change_knobs, read_script
+from michell_cad.edits import Attach, EditScript, change_knobs, read_script
 from michell_cad.files import writing_folder
 from michell_cad.output_section import OutputSection
 
@@ -58,5 +58,8 @@ def deliver_edit(
     edits = saved.edits.undone(undo).then(*added.edits.edits)
     require_place(folder, force)
     structure = saved.replay(knobs, edits)
+    for edit in structure.of_kind(Attach):
+        # Now, not after the solid has been built.
+        require(Path(edit.part).is_file(), f"edit 'attach': there is no file {edit.part}; expected a CAD part")
     with writing_folder(folder) as partial:
         return write_results(partial, structure, edits, output or OutputSection(), saved.up, [], progress)

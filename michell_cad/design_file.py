@@ -195,7 +195,10 @@ def _read(path: Path, only_meta: bool = False) -> tuple[dict[str, np.ndarray], d
     except FileNotFoundError:
         raise InvalidInputError(f"no design file {path}: expected the design.npz that `design` writes") from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InvalidInputError(f"{path} is not a complete design file ({error}); run `design` again") from error
+        reason = f": {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
+        raise InvalidInputError(
+            f"{path} is not a complete design file{reason}: it was cut short, or is something else; run `design` again"
+        ) from error
     if meta.get("format") != FORMAT:
         raise InvalidInputError(f"{path} is not a design file: its format is {meta.get('format')!r}, not {FORMAT!r}")
     if meta["version"] > VERSION:

@@ -29,6 +29,7 @@ from michell_cad.domain.outline import Part
 from michell_cad.errors import InvalidInputError
 from michell_cad.job_values import STRICT, Number, Positive, Switch
 from michell_cad.knobs import Knobs
+from michell_cad.mistakes import either, expected, suggestion
 from michell_cad.output_section import OutputSection
 from michell_cad.problem import (
     DesignProblem,
@@ -287,7 +288,7 @@ def _explain(error: ValidationError, name: str, data: Mapping[str, Any]) -> str:
         where, owner = _locate(item["loc"])
         kind = item["type"]
         if kind == "extra_forbidden":
-            text = _suggestion(str(where[-1]), list(owner.model_fields))
+            text = suggestion(str(where[-1]), list(owner.model_fields))
         elif kind == "missing" and isinstance(where[-1], int):
             where, text = where[:-1], "has too few entries"
         elif kind == "missing":
@@ -297,29 +298,16 @@ def _explain(error: ValidationError, name: str, data: Mapping[str, Any]) -> str:
         elif kind == "tuple_type" and where in (["support"], ["load"], ["keep"]):
             text = f"write [[{where[0]}]], with two brackets: there may be several"
         else:
-            text = "expected " + _EXPECTED.get(kind, item["msg"].removeprefix("Input should be "))
+            text = expected(item)
         mistakes.setdefault(tuple(where), []).append(text)
     lines = []
     for where, texts in mistakes.items():
         # A union gives one message for each of its alternatives.
-        text = " or ".join(dict.fromkeys(texts)).replace("or expected ", "or ")
+        text = either(texts)
         found = f", found {_value_at(data, where)!r}" if "expected" in text and "found" not in text else ""
         place = _spell(where)
         lines.append(f"{name}: {place}{': ' if place else ''}{text}{found}")
     return "\n".join(lines)
-
-
-_EXPECTED = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "bool_type": "true or false",
-    "string_type": "a text",
-    "tuple_type": "an array",
-    "dict_type": "a table",
-    "model_type": "a table",
-}
-"""Words of TOML for what pydantic calls otherwise."""
 
 
 def _value_at(data: Any, where: tuple) -> Any:
@@ -367,11 +355,6 @@ def _spell(where: tuple) -> str:
     for step in rest:
         keys += f"[{step + 1}]" if isinstance(step, int) else f"{'.' if keys else ''}{step}"
     return text + (separator + keys if keys else "")
-
-
-def _suggestion(key: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    return "unknown key" + (f"; did you mean {near[0]}?" if near else f"; known keys: {', '.join(sorted(known))}")
 
 
 # --- from a job to a problem -----------------------------------------------------------------------------------------

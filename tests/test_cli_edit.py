@@ -46,6 +46,7 @@ def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("edit")
     save_design(folder / "design.npz", small_bar(), Knobs(radius=0.9))
     (folder / "edits.toml").write_text(SCRIPT)
+    (folder / "short.npz").write_bytes((folder / "design.npz").read_bytes()[:2000])
     return folder
 
 
@@ -79,16 +80,43 @@ def test_knobs_and_a_script_make_new_results(folder):
     ("design", "options", "message"),
     [
         ("none.npz", {}, "no design file"),
-        ("design.npz", {"changes": {"radius": "thick"}}, "radius: Input should be a valid number"),
+        ("design.npz", {"changes": {"radius": "thick"}}, "radius: expected a number, found 'thick'"),
         ("design.npz", {"changes": {"every": 400, "offset": 100}}, "no curve is left"),
         ("design.npz", {"undo": 2}, "cannot undo 2 edits: there are 0"),
         ("design.npz", {"script": "none.toml"}, "cannot be read"),
+        ("short.npz", {}, "not a complete design file"),
+        ("design.npz", {"changes": {"family": "steel"}}, "family: expected 'all' or 'tension', .* found 'steel'"),
     ],
 )
 def test_mistakes_are_one_message_and_leave_nothing(folder, design, options, message):
     with pytest.raises(InvalidInputError, match=message):
         deliver_edit(folder / design, folder / "failed", **options)
     assert not (folder / "failed").exists()
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ('[[edit]]\nwhere = { family = "tension" }', "`do` is missing"),
+        ('[[edit]]\ndo = "remvoe"', "unknown edit; did you mean remove"),
+        ('[[edit]]\ndo = "radius"\nto = -1', r"1 \(radius\): to: expected greater than 0, found -1"),
+        ('[[edit]]\ndo = "radius"\nfor = 1', r"1 \(radius\): for: unknown key"),
+        ('[[edit]]\ndo = "tag"', r"1 \(tag\): name: is missing"),
+        ('[[edit]]\ndo = "radius"\nwhere = { family = "steel" }\ntimes = 2', "family 'steel' does not exist"),
+        ('[[edit]]\ndo = "attach"\npart = "no.step"\nspacing = 5', "there is no file .*no.step"),
+        ("version = 9", "this program reads up to 1"),
+        ('[[edit]]\ndo = "remove"', "leaves nothing"),
+        ('[[edit]]\ndo = "thin"\nevery = 500\noffset = 250', "keeps none of the"),
+    ],
+)
+def test_a_bad_script_is_one_message_and_leaves_nothing(folder, script, message):
+    old = (folder / "design.npz").read_bytes()
+    (folder / "bad.toml").write_text(script)
+    with pytest.raises(InvalidInputError, match=message) as caught:
+        deliver_edit(folder / "design.npz", folder / "failed", script=folder / "bad.toml")
+    assert len(str(caught.value).splitlines()) == 1
+    assert not (folder / "failed").exists()
+    assert (folder / "design.npz").read_bytes() == old
 
 
 def test_the_command_says_what_is_wrong_and_leaves_nothing(folder):

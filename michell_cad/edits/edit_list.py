@@ -18,9 +18,9 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, ValidationError
 
 from michell_cad.arrays import require
 from michell_cad.edits.adding import AddCurve, AddStrut
@@ -35,6 +35,7 @@ from michell_cad.edits.tagging import Tag
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing
 from michell_cad.knobs import Knobs
+from michell_cad.mistakes import explain_fields, suggestion
 from michell_cad.pipeline import Design
 
 VERSION = 1
@@ -42,7 +43,7 @@ VERSION = 1
 KINDS = AddCurve | AddSheet | AddStrut | Attach | Entasis | Join | Radius | Remove | RemoveOpenEnds | Snap | Tag | Thin
 EDITS = Annotated[KINDS, Field(discriminator="do")]
 """Any edit, told apart by what it does."""
-_EDIT = TypeAdapter[Edit](EDITS)
+_BY_NAME: dict[str, type[Edit]] = {kind.model_fields["do"].default: kind for kind in get_args(KINDS)}
 
 _PATH_KEYS = ("solid", "design", "part")
 """Keys of edits and selections whose value is a path."""
@@ -131,7 +132,7 @@ def read_script(path: str | Path) -> EditScript:
     version = data.get("version", VERSION)
     require(
         isinstance(version, int) and version <= VERSION,
-        f"{path}: edit script of version {version}, this program reads up to {VERSION}: install a newer michell_cad",
+        f"{path}: edit script of version {version!r}, this program reads up to {VERSION}: install a newer michell_cad",
     )
     unknown = sorted(set(data) - {"version", "knobs", "edit"})
     require(not unknown, f"{path}: unknown key {', '.join(unknown)}; a script has version, [knobs] and [[edit]]")
@@ -170,25 +171,20 @@ def change_knobs(knobs: Knobs, changes: Mapping[str, Any], name: str = "knobs") 
     try:
         return Knobs.model_validate(values | dict(changes))
     except ValidationError as error:
-        raise InvalidInputError(_explain(error, name)) from error
+        raise InvalidInputError(explain_fields(error, Knobs, name)) from error
 
 
 def _edit(table: Any, place: str) -> Edit:
+    require(isinstance(table, Mapping), f"{place}: an edit is a table with `do`, found {table!r}")
+    kind = table.get("do")
+    require(kind is not None, f"{place}: `do` is missing; it says what to do: {', '.join(sorted(_BY_NAME))}")
+    require(kind in _BY_NAME, f"{place}: do = {kind!r}: {suggestion(str(kind), list(_BY_NAME), 'edit')}")
     try:
-        return _EDIT.validate_python(table)
+        return _BY_NAME[kind].model_validate(table)
     except ValidationError as error:
-        raise InvalidInputError(_explain(error, place)) from error
+        raise InvalidInputError(explain_fields(error, _BY_NAME[kind], f"{place} ({kind})")) from error
     except InvalidInputError as error:
-        raise InvalidInputError(f"{place}: {error}") from error
-
-
-def _explain(error: ValidationError, place: str) -> str:
-    """One line for each mistake."""
-    lines = []
-    for item in error.errors(include_url=False):
-        where = ".".join(str(step) for step in item["loc"])
-        lines.append(f"{place}{': ' if where else ''}{where}: {item['msg'].removeprefix('Value error, ')}")
-    return "\n".join(dict.fromkeys(lines))
+        raise InvalidInputError(f"{place} ({kind}): {error}") from error
 
 
 def _located(value: Any, folder: Path) -> Any:

@@ -24,6 +24,9 @@ from michell_cad.truss import NodeKind, Truss, keep_members, without_loose
 ON_FACE = 0.1
 """Nodes nearer to the other part than this lie on the common face (relative to the cell edge)."""
 
+LARGEST_OVERLAP = 0.05
+"""Parts that touch overlap by no more than this share of the smaller one: bent faces of two meshes do a little."""
+
 REACH = 1.0
 """So far a node may move to meet one of the other truss (relative to the larger cell edge)."""
 
@@ -61,8 +64,14 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     Raises
     ------
     InvalidInputError
-        If no two nodes on the common face are within reach of each other.
+        If the parts overlap, or no two nodes on the common face are within reach of each other.
     """
+    share = _overlap(part, other_part)
+    require(
+        share <= LARGEST_OVERLAP,
+        f"edit 'join': the parts overlap by {share:.0%} of the smaller one; they must have a face in common, each on "
+        "its own side",
+    )
     spacing = max(first.spacing, second.spacing)
     reach = REACH * spacing if reach is None else reach
     hosts = np.flatnonzero(on_surface(first, other_part, ON_FACE * spacing))
@@ -86,6 +95,13 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     partner[guests[rows[near]]] = hosts[columns[near]]
     left = without_loose(second, across, stays=(second.degrees <= 1) | (partner >= 0))
     return _unite(first, *_cut(second, left, partner))
+
+
+def _overlap(part: TetMesh, other: TetMesh) -> float:
+    """How much of the smaller part lies in the other one, by the tets' centroids."""
+    small, large = sorted((part, other), key=lambda mesh: mesh.volumes.sum())
+    winding = igl.fast_winding_number(large.vertices, large.boundary_triangles, small.centroids)
+    return float(small.volumes[np.asarray(winding) > 0.5].sum() / small.volumes.sum())
 
 
 def on_surface(truss: Truss, part: TetMesh, distance: float) -> Bool[np.ndarray, " n_n"]:

@@ -80,6 +80,12 @@ def test_parts_that_do_not_touch_are_refused(tmp_path):
         EditList((Join(design=str(tmp_path / "none.npz")),)).replay(ONE, Knobs())
 
 
+def test_parts_that_overlap_are_refused(tmp_path):
+    save_design(tmp_path / "same.npz", ONE, Knobs())
+    with pytest.raises(InvalidInputError, match="the parts overlap by 100%"):
+        EditList((Join(design=str(tmp_path / "same.npz")),)).replay(ONE, Knobs())
+
+
 def test_edits_after_a_join_see_both(tmp_path):
     save_design(tmp_path / "other.npz", OTHER, Knobs(), EditList((Remove(where=Where("boundary"), prune=False),)))
     edits = EditList((Join(design=str(tmp_path / "other.npz")), Remove(where=Where("boundary"))))
