@@ -111,6 +111,7 @@ def test_every_module_is_filed():
         "files",
         "job_values",
         "mistakes",
+        "palette",
         "truss_json",
         "materials",
     }

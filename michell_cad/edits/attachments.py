@@ -49,9 +49,6 @@ class Attach(SelectingEdit):
 
     def apply(self, structure: Structure) -> Structure:
         require(any(self.up), "edit 'attach': up must not be the zero vector")
-        require(
-            Path(self.part).is_file(), f"edit 'attach': there is no file {self.part}; expected a .step or .brep part"
-        )
         self.curves(structure.truss)
         return structure.with_note(self)
 
