@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from michell_cad.cad import (
+        BuiltSolid,
         ExportOptions,
         KeptSolid,
+        SweptSolid,
         TrussSolid,
         build_solid,
         export_3mf,
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from michell_cad.truss import SizedTruss, Truss
 
 _HOME = {
+    "BuiltSolid": "cad",
     "ConvergenceError": "errors",
     "Design": "pipeline",
     "DesignOptions": "pipeline",
@@ -59,6 +62,7 @@ _HOME = {
     "Part": "domain",
     "SizedTruss": "truss",
     "Structure": "edits",
+    "SweptSolid": "cad",
     "TetMesh": "tet_mesh",
     "Truss": "truss",
     "TrussSolid": "cad",
@@ -98,6 +102,7 @@ _HOME = {
 }
 
 __all__ = [
+    "BuiltSolid",
     "ConvergenceError",
     "Design",
     "DesignOptions",
@@ -115,6 +120,7 @@ __all__ = [
     "Part",
     "SizedTruss",
     "Structure",
+    "SweptSolid",
     "TetMesh",
     "Truss",
     "TrussSolid",

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from michell_cad.arrays import require
-from michell_cad.cad import TrussSolid, build_solid, prepare_truss, resolve_radius, unite
+from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, prepare_truss, resolve_radius, unite
 from michell_cad.edits import Entasis, Radius, Structure, size_structure
+from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.strength import StrengthenReport, strengthen
 from michell_cad.truss import SizedTruss
@@ -37,7 +38,8 @@ class Sizing:
 def size_finished(structure: Structure) -> Sizing:
     """Give every member its radius, by knobs and edits, and then as the loads want it, if the structure asks for that.
 
-    Sized is twice: thick members merge nodes and give way to each other in the solid, and forces go with them.
+    Sized is twice: thick members merge nodes and give way to each other in the solid, and forces go with them. Swept
+    profiles do not give way to each other, so that once is enough for them.
     """
     design = structure.design
     knobs = resolve_radius(
@@ -59,8 +61,8 @@ def size_finished(structure: Structure) -> Sizing:
             "it without `by` in [sizing], or leave these edits out",
         )
     sized, first, notes = strengthen(*part, sized, options)
-    if first is None:
-        return Sizing(sized, knobs, None, tuple(notes))
+    if first is None or knobs.swept:
+        return Sizing(sized, knobs, first, tuple(notes))
     buildable = prepare_truss(sized, knobs).sized
     volume_fraction = first.volume_mm3 / float(design.problem.mesh.volumes.sum())
     sized, second, more = strengthen(*part, buildable, replace(options, braces=False, volume_fraction=volume_fraction))
@@ -72,9 +74,21 @@ def size_finished(structure: Structure) -> Sizing:
     )
 
 
-def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
-    """The solid of a structure, united with what it keeps."""
-    solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
-    if structure.kept:
+def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> BuiltSolid:
+    """The solid of a structure, united with what it keeps.
+
+    Raises
+    ------
+    InvalidInputError
+        If something is kept, and the members are not round.
+    """
+    knobs = sizing.knobs
+    if structure.kept and knobs.swept:
+        raise InvalidInputError(
+            "[[keep]] unites round members with the part, and no others: set profile = round, profile_aspect = 1 and "
+            "node_form = sphere, or leave [[keep]] out"
+        )
+    solid = build_solid(sizing.sized, knobs, progress=lambda fraction: progress("solid", fraction))
+    if structure.kept and isinstance(solid, TrussSolid):
         solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
     return solid
