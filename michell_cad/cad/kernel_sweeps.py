@@ -24,7 +24,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shell, TopoDS_Solid, TopoDS_Vertex, TopoDS_Wire
 
 from michell_cad.cad.kernel import explore
-from michell_cad.cad.sweep_mesh import Hull
+from michell_cad.cad.sweep_hulls import Hull
 from michell_cad.cad.sweeps import Stretch, Sweep
 from michell_cad.profiles import Profile
 

@@ -4,19 +4,18 @@ A node is a sphere, or the convex hull of the profiles of its members a little w
 and in CAD. The mesh of a sphere has the sphere's volume.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import ConvexHull
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.mesh import TrussMesh
 from michell_cad.cad.shell_plan import FaceRole
+from michell_cad.cad.sweep_hulls import Hull
 from michell_cad.cad.sweeps import Stretch, Sweep
 from michell_cad.errors import GeometryKernelError
 from michell_cad.profiles import Profile
@@ -24,8 +23,6 @@ from michell_cad.truss import SizedTruss
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
-
-NodeForm = Literal["sphere", "hull"]
 
 LOSS = 4e-4
 """Part of the volume that the prisms between the rings of a mesh may lose or gain."""
@@ -35,12 +32,6 @@ MOST_RINGS = 8
 
 BALL_SEGMENTS = 24
 """Segments around the mesh of a sphere."""
-
-HULL_SHARE = 0.45
-"""A hull reaches no farther along a member (relative to its length)."""
-
-FLAT = 1e-7
-"""Triangles of a hull whose planes differ by less make one face (relative to its size)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,23 +58,6 @@ class Body:
     def volume(self) -> float:
         """Enclosed volume, mm^3."""
         return TrussMesh(self.vertices, self.triangles, self.owner, self.owner).volume
-
-
-@dataclass(frozen=True, eq=False)
-class Hull:
-    """A convex polyhedron around a node.
-
-    Parameters
-    ----------
-    vertices : (n, 3) float, mm.
-    faces : corners of its plane faces, counter-clockwise seen from outside.
-    """
-
-    vertices: Float[np.ndarray, "n 3"]
-    faces: tuple[Int[np.ndarray, " k"], ...]
-
-    def __post_init__(self) -> None:
-        freeze(self, vertices=np.float64)
 
 
 def mesh_sweep(sweep: Sweep, profile: Profile) -> Body:
@@ -159,63 +133,6 @@ def mesh_ball(center: Float[np.ndarray, " 3"], radius: float, node: int) -> Body
     return Body(vertices, triangles, FaceRole.NODE, np.full(len(triangles), node))
 
 
-def lay_hulls(
-    sweeps: Sequence[Sweep], profile: Profile, radii: Mapping[int, float], sized: SizedTruss
-) -> dict[int, Hull]:
-    """The hulls of the nodes: of the profiles at the node itself and its radius farther along each member."""
-    polygon = np.asarray(profile.polygon)
-    points: dict[int, list[np.ndarray]] = {node: [] for node in radii}
-    lengths = sized.truss.lengths
-    for sweep in sweeps:
-        for stretch in sweep.stretches:
-            v, at = stretch.stations, np.flatnonzero(stretch.nodes >= 0)
-            for k in at.tolist():
-                node = int(stretch.nodes[k])
-                places = [v[k]]
-                for step, inside in ((-1, k > 0), (1, k < len(v) - 1)):
-                    if inside:
-                        member = stretch.members[k - (step < 0)]
-                        places.append(v[k] + step * min(radii[node], HULL_SHARE * lengths[member]))
-                F = stretch.sections(np.clip(places, v[0], v[-1]))
-                ring = F[:, None, 0] + polygon[:, :1] * F[:, None, 1] + polygon[:, 1:] * F[:, None, 2]
-                points[node].append(ring.reshape(-1, 3))
-    return {node: _hull(np.concatenate(some)) for node, some in points.items()}
-
-
-def _hull(points: np.ndarray) -> Hull:
-    """The convex hull with its coplanar triangles united."""
-    middle = points.mean(0)
-    hull = ConvexHull(points - middle)
-    size = float(np.ptp(points, axis=0).max())
-    triangles, planes = hull.simplices.astype(np.int64), hull.equations
-    corners = (points - middle)[triangles]
-    outward = (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) * planes[:, :3]).sum(1) > 0
-    triangles[~outward] = triangles[~outward, ::-1]
-    plane = np.full(len(planes), -1)
-    for t, equation in enumerate(planes):
-        if plane[t] < 0:
-            alike = np.abs(planes - equation).max(1) <= FLAT * np.array([1.0, size]).max()
-            plane[alike & (plane < 0)] = t
-    faces = [_outline(triangles[plane == t]) for t in np.unique(plane)]
-    used, number = np.unique(np.concatenate(faces), return_inverse=True)
-    bounds = np.cumsum([0, *map(len, faces)])
-    return Hull(points[used], tuple(number[a:b] for a, b in pairwise(bounds.tolist())))
-
-
-def _outline(triangles: np.ndarray) -> np.ndarray:
-    """The corners around connected triangles of one plane, in order."""
-    following: dict[int, int] = {}
-    edges = {(a, b) for t in triangles.tolist() for a, b in zip(t, t[1:] + t[:1], strict=True)}
-    for a, b in edges:
-        if (b, a) not in edges:
-            following[a] = b
-    start = min(following)
-    outline = [start]
-    while (corner := following[outline[-1]]) != start:
-        outline.append(corner)
-    return np.array(outline)
-
-
 def mesh_hull(hull: Hull, node: int) -> Body:
     """The triangles of a hull: a fan on each face."""
     fans = [np.stack([np.full(len(f) - 2, f[0]), f[1:-1], f[2:]], axis=1) for f in hull.faces]
@@ -240,12 +157,22 @@ def unite_bodies(bodies: Sequence[Body]) -> TrussMesh:
     source = (np.cumsum(sizes) - sizes)[run] + np.asarray(mesh.face_id).astype(np.int64)
     owner = np.concatenate([body.owner for body in bodies])
     role = np.repeat([int(body.role) for body in bodies], sizes)
-    return TrussMesh(
-        np.asarray(mesh.vert_properties)[:, :3],
-        np.asarray(mesh.tri_verts).astype(np.int64),
-        role[source],
-        owner[source],
-    )
+    vertices, triangles, kept = _weld(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64))
+    return TrussMesh(vertices, triangles, role[source[kept]], owner[source[kept]])
+
+
+def _weld(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices that an STL file cannot tell apart made one; the triangles that are left, and their old numbers.
+
+    Where faces nearly coincide, the union has slivers between such vertices. They vanish: triangles with two corners in
+    one place, and pairs of triangles with the same corners, which face each other.
+    """
+    _, first, number = np.unique(vertices.astype(np.float32), axis=0, return_index=True, return_inverse=True)
+    T = number.reshape(-1)[triangles]
+    kept = np.flatnonzero((T != np.roll(T, 1, axis=1)).all(1))
+    _, group, count = np.unique(np.sort(T[kept], axis=1), axis=0, return_inverse=True, return_counts=True)
+    kept = kept[count[group.reshape(-1)] == 1]
+    return vertices[first], T[kept], kept
 
 
 def _manifold(body: Body, number: int) -> "Manifold":

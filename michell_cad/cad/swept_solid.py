@@ -20,7 +20,8 @@ from michell_cad.cad.assembly import AssemblyPart
 from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.palette import GROUPS, NODES
 from michell_cad.cad.solid_report import SweptReport
-from michell_cad.cad.sweep_mesh import Body, lay_hulls, mesh_ball, mesh_hull, mesh_sweep, node_radii, unite_bodies
+from michell_cad.cad.sweep_hulls import lay_hulls
+from michell_cad.cad.sweep_mesh import Body, mesh_ball, mesh_hull, mesh_sweep, node_radii, unite_bodies
 from michell_cad.cad.sweep_paths import lay_paths
 from michell_cad.cad.sweeps import lay_sweeps
 from michell_cad.errors import GeometryKernelError
