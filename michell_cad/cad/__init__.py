@@ -18,6 +18,7 @@ from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.preview import PreviewMesh, preview_truss
+from michell_cad.cad.profile_files import profile_from_cad, read_profile
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import TrussSolid, build_round_solid, build_solid
 from michell_cad.cad.solid_report import KeptReport, SolidReport, SweptReport
@@ -71,6 +72,8 @@ __all__ = [
     "mesh_truss",
     "prepare_truss",
     "preview_truss",
+    "profile_from_cad",
+    "read_profile",
     "read_step_summary",
     "resolve_radius",
     "sample_beams",

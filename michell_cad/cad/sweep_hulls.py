@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -33,11 +33,11 @@ class Hull:
     Parameters
     ----------
     vertices : (n, 3) float, mm.
-    faces : corners of its plane faces, counter-clockwise seen from outside.
+    faces : (k,) int each, corners of its plane faces, counter-clockwise seen from outside.
     """
 
     vertices: Float[np.ndarray, "n 3"]
-    faces: tuple[Int[np.ndarray, " k"], ...]
+    faces: tuple[np.ndarray, ...]
 
     def __post_init__(self) -> None:
         freeze(self, vertices=np.float64)

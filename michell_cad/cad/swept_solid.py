@@ -187,13 +187,15 @@ def _report(
 ) -> SweptReport:
     truss = sized.truss
     nodes = len(np.unique(truss.members))
-    genus, expected = mesh.bodies - mesh.euler_number // 2, len(truss.members) - nodes + _components(truss)
+    components = _components(truss)
+    genus, expected = mesh.bodies - mesh.euler_number // 2, len(truss.members) - nodes + components
     messages = []
     if straightened:
         messages.append(f"{straightened} members are straight: their profile is too wide for their bend")
-    if genus != expected:
+    if genus != expected or mesh.bodies != components:
         messages.append(
-            f"the united mesh has the genus {genus} instead of {expected}: members touch or overlap between their nodes"
+            f"the united mesh has {mesh.bodies} bodies of genus {genus} in all instead of {components} of {expected}: "
+            "members touch or overlap between their nodes"
         )
     return SweptReport(
         valid=True,
