@@ -99,5 +99,5 @@ def test_files_that_cannot_be_read_are_refused(tmp_path) -> None:
     for suffix in (".dxf", ".step", ".brep", ".svg"):
         broken = tmp_path / f"broken{suffix}"
         broken.write_text("no geometry")
-        with pytest.raises(InvalidInputError, match="cannot be read|no outline"):
+        with pytest.raises(InvalidInputError, match=r"cannot be read|no outline"):
             read_profile(broken)
