@@ -40,8 +40,9 @@ from michell_cad.files import writing_folder
 from michell_cad.job import Job, Setup, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
+from michell_cad.palette import group_colour
 from michell_cad.parametrization import ParametrizationOptions
-from michell_cad.picture import FAMILY_COLOURS, NODE_COLOUR, ShownMesh, render_truss
+from michell_cad.picture import ShownMesh, render_truss
 from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
 from michell_cad.report import report_design
 from michell_cad.splines import fit_splines
@@ -221,7 +222,7 @@ def write_results(
 def _show_swept(solid: BuiltSolid) -> list[ShownMesh]:
     """The united mesh by families, and the nodes."""
     return [
-        ShownMesh(name, FAMILY_COLOURS.get(name, NODE_COLOUR), solid.mesh.vertices, triangles)
+        ShownMesh(name, group_colour(name), solid.mesh.vertices, triangles)
         for name, triangles in coloured_triangles(solid).items()
     ]
 

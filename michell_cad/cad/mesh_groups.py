@@ -8,8 +8,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from michell_cad.cad.built import BuiltSolid, curve_of_part
-from michell_cad.cad.palette import GROUPS, KEPT, NODES
 from michell_cad.cad.shell_plan import FaceRole
+from michell_cad.palette import GROUPS, KEPT, NODES
 from michell_cad.truss import Truss
 
 

@@ -18,7 +18,6 @@ from scipy.sparse.csgraph import connected_components
 from michell_cad.arrays import require
 from michell_cad.cad.assembly import AssemblyPart
 from michell_cad.cad.built import BuiltSolid
-from michell_cad.cad.palette import GROUPS, NODES
 from michell_cad.cad.solid_report import SweptReport
 from michell_cad.cad.sweep_hulls import lay_hulls
 from michell_cad.cad.sweep_mesh import Body, mesh_ball, mesh_hull, mesh_sweep, node_radii, unite_bodies
@@ -26,6 +25,7 @@ from michell_cad.cad.sweep_paths import lay_paths
 from michell_cad.cad.sweeps import lay_sweeps
 from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
+from michell_cad.palette import GROUPS, NODES
 from michell_cad.truss import SizedTruss, Truss
 
 LARGEST_PART_DIFFERENCE = 2e-3

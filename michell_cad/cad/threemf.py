@@ -17,9 +17,9 @@ import numpy as np
 from michell_cad.arrays import require
 from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.mesh_groups import closed_bodies, own_vertices, triangle_groups
-from michell_cad.cad.palette import GROUPS, group_colour
 from michell_cad.cad.swept_solid import SweptSolid
 from michell_cad.files import path_with_suffix, writing
+from michell_cad.palette import GROUPS, group_colour
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 
