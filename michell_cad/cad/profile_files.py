@@ -120,7 +120,7 @@ def _shapes(shape: Any, name: str) -> "list[cq.Shape]":
     return [cq.Shape.cast(handle)]
 
 
-def _only_wire(shapes: "list[cq.Shape]", name: str) -> "cq.Wire":
+def _only_wire(shapes: "list[cq.Shape]", name: str) -> Any:
     import cadquery as cq
 
     faces = [face for shape in shapes for face in shape.Faces()]
@@ -139,7 +139,7 @@ def _only_wire(shapes: "list[cq.Shape]", name: str) -> "cq.Wire":
     return wires[0]
 
 
-def _edge_pieces(edge: "cq.Edge", flat: _Flat, tolerance: float) -> tuple[bool, np.ndarray]:
+def _edge_pieces(edge: Any, flat: _Flat, tolerance: float) -> tuple[bool, np.ndarray]:
     """Whether an edge is a line, and its cubic pieces (k, 4, 2)."""
     if edge.geomType() == "LINE":
         a, b = flat(edge.startPoint()), flat(edge.endPoint())

@@ -109,12 +109,6 @@ def test_members_of_one_radius_each_are_swept_one_by_one(tmp_path):
     np.testing.assert_allclose(sorted(tube.sections[0].radius for tube in tubes), each / 10, atol=ROUNDED / 10)
 
 
-@pytest.mark.parametrize("values", [{"profile": "square"}, {"profile_aspect": 2.0}, {"node_form": "hull"}])
-def test_other_profiles_are_left_to_michell_cad(layout, values):
-    with pytest.raises(LayoutError, match=r"members are drawn round.*Import the STEP"):
-        apply_knobs(layout, layout.knobs | values)
-
-
 def test_volume_and_mass_are_left_to_michell_cad(layout):
     with pytest.raises(LayoutError, match="needs the united solid"):
         apply_knobs(layout, dict(layout.knobs) | {"volume_fraction": 0.1})

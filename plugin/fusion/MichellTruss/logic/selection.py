@@ -23,9 +23,6 @@ NEED_THE_SOLID = ("volume_fraction", "mass")
 SIZING = ("radius", "entasis", "smallest_radius", *NEED_THE_SOLID)
 """Knobs that say how thick the members are."""
 
-ROUND = {"profile": "round", "profile_aspect": 1.0, "node_form": "sphere"}
-"""Knobs that say what members and nodes look like, as they are drawn here."""
-
 SAME_RADIUS = 2e-6
 """Radii in the file are rounded to 1e-6 mm; two that differ by less than this are the same, mm."""
 
@@ -61,15 +58,8 @@ def apply_knobs(layout: Layout, values: dict[str, Any]) -> Chosen:
     Raises
     ------
     LayoutError
-        If nothing is left, the radius is too large for the cells, or a knob needs what only michell_cad builds.
+        If nothing is left, the radius is too large for the cells, or a knob needs the united solid.
     """
-    for name, drawn in ROUND.items():
-        if values.get(name, drawn) != drawn:
-            raise LayoutError(
-                f"'{name.replace('_', ' ').capitalize()}' is {values[name]}: here members are drawn round, with "
-                "spheres as nodes. Import the STEP that michell-cad wrote, which has a solid for each curve, or set it "
-                f"to {drawn}."
-            )
     kept = tuple(number for number, curve in enumerate(layout.curves) if _stays(curve, values))
     if not any(layout.curves[number].family in FAMILIES for number in kept):
         counts = Counter(curve.family for curve in layout.curves)
