@@ -32,7 +32,7 @@ from michell_cad.cad import (
 )
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.sweep_hulls import hull_of
-from michell_cad.cad.sweep_mesh import Body, mesh_ball, unite_bodies
+from michell_cad.cad.sweep_mesh import Body, mesh_ball, mesh_hull, unite_bodies
 from michell_cad.cad.threemf import export_3mf
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.edits import Structure
@@ -219,3 +219,17 @@ def test_a_traced_truss_of_every_kind_of_node() -> None:
         assert {name for name, _ in Counter(part.name for part in solid.assembly).items()}.__len__() == len(
             solid.assembly
         )
+
+
+def box(low: np.ndarray, high: np.ndarray, node: int) -> Body:
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
+    return mesh_hull(hull_of(corners), node)
+
+
+def test_what_single_precision_cannot_tell_apart_is_one() -> None:
+    """A box that sticks out of another by a nanometre's thousandth leaves no walls of that height."""
+    outer = box(np.zeros(3), np.full(3, 10.0), 0)
+    mesh = unite_bodies([outer, box(np.array([2.0, 3, 4]), np.array([6.0, 7, 10 + 1e-9]), 1)])
+    assert len(np.unique(mesh.vertices.astype(np.float32), axis=0)) == len(mesh.vertices)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(1000, rel=1e-9)
