@@ -24,7 +24,7 @@ structure = edits.replay(design, knobs)
 solid = mc.build_solid(mc.size_structure(structure), knobs)
 
 if __name__ == "__main__":
-    mc.render_truss("edit_truss.png", structure.whole_mesh, solid.prepared.sized)
+    mc.render_truss("edit_truss.png", structure.whole_mesh, solid.sized)
     print(f"{solid.report.solids} solids, {solid.report.volume_mm3:.0f} mm3, see edit_truss.png")
 else:
     show_object(solid.cadquery, name="truss")  # pyright: ignore[reportUndefinedVariable]

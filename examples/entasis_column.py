@@ -38,7 +38,7 @@ structure = edits.replay(design, knobs)
 solid = mc.build_solid(mc.size_structure(structure), knobs)
 
 if __name__ == "__main__":
-    mc.render_truss("entasis_column.png", structure.whole_mesh, solid.prepared.sized)
+    mc.render_truss("entasis_column.png", structure.whole_mesh, solid.sized)
     print(f"{solid.report.solids} solid, {solid.report.volume_mm3:.0f} mm3, see entasis_column.png")
 else:
     show_object(solid.cadquery, name="column")  # pyright: ignore[reportUndefinedVariable]

@@ -42,7 +42,7 @@ structure = mc.EditList(tuple(Join(design=str(file)) for file in files[1:])).rep
 solid = mc.build_solid(mc.size_structure(structure), knobs)
 
 if __name__ == "__main__":
-    mc.render_truss("joined_lander.png", structure.whole_mesh, solid.prepared.sized)
+    mc.render_truss("joined_lander.png", structure.whole_mesh, solid.sized)
     print(f"{solid.report.solids} solid of {len(files)} trusses, {solid.report.members} members, see joined_lander.png")
 else:
     show_object(solid.cadquery, name="lander")  # pyright: ignore[reportUndefinedVariable]

@@ -29,7 +29,7 @@ else:
     design, knobs = mc.design(problem, mc.DesignOptions(spacing=10.0), cache=StageCache.usual()), mc.Knobs()
 
 
-def build(every: int) -> mc.TrussSolid:
+def build(every: int) -> mc.BuiltSolid:
     """Return the solid of every n-th curve, at the same volume."""
     wanted = mc.change_knobs(knobs, {"every": every, "offset": offset, "volume_fraction": volume_fraction})
     structure = mc.EditList().replay(design, wanted)
@@ -43,7 +43,7 @@ def build(every: int) -> mc.TrussSolid:
 if __name__ == "__main__":
     for n in (1, 2, 3):
         solid = build(n)
-        mc.render_truss(f"sparser_leg_{n}.png", design.problem.mesh, solid.prepared.sized)
+        mc.render_truss(f"sparser_leg_{n}.png", design.problem.mesh, solid.sized)
         print(f"every {n}: {solid.report.members} members, {solid.report.volume_mm3:.0f} mm3, see sparser_leg_{n}.png")
 else:
     show_object(build(every).cadquery, name="leg")  # pyright: ignore[reportUndefinedVariable]

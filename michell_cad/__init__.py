@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from michell_cad.cad import (
+        BuiltSolid,
         ExportOptions,
         KeptSolid,
+        SweptSolid,
         TrussSolid,
         build_solid,
         export_3mf,
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
         forecast_step,
         keep_material,
         kept_shape,
+        profile_from_cad,
+        read_profile,
         resolve_radius,
         unite,
     )
@@ -42,6 +46,7 @@ if TYPE_CHECKING:
     from michell_cad.truss import SizedTruss, Truss
 
 _HOME = {
+    "BuiltSolid": "cad",
     "ConvergenceError": "errors",
     "Design": "pipeline",
     "DesignOptions": "pipeline",
@@ -59,6 +64,7 @@ _HOME = {
     "Part": "domain",
     "SizedTruss": "truss",
     "Structure": "edits",
+    "SweptSolid": "cad",
     "TetMesh": "tet_mesh",
     "Truss": "truss",
     "TrussSolid": "cad",
@@ -86,8 +92,10 @@ _HOME = {
     "load_edits": "design_file",
     "open_structure": "design_file",
     "part_from_cad": "domain",
+    "profile_from_cad": "cad",
     "read_job": "job",
     "read_part": "domain",
+    "read_profile": "cad",
     "read_script": "edits",
     "render_truss": "picture",
     "resolve_radius": "cad",
@@ -98,6 +106,7 @@ _HOME = {
 }
 
 __all__ = [
+    "BuiltSolid",
     "ConvergenceError",
     "Design",
     "DesignOptions",
@@ -115,6 +124,7 @@ __all__ = [
     "Part",
     "SizedTruss",
     "Structure",
+    "SweptSolid",
     "TetMesh",
     "Truss",
     "TrussSolid",
@@ -142,8 +152,10 @@ __all__ = [
     "load_edits",
     "open_structure",
     "part_from_cad",
+    "profile_from_cad",
     "read_job",
     "read_part",
+    "read_profile",
     "read_script",
     "render_truss",
     "resolve_radius",

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from michell_cad.arrays import require
-from michell_cad.cad import TrussSolid, build_solid, prepare_truss, resolve_radius, unite
+from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, prepare_truss, resolve_radius, unite
 from michell_cad.edits import Entasis, Radius, Structure, resize_structure, size_structure
+from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.strength import StrengthenReport, strengthen
 from michell_cad.truss import SizedTruss
@@ -38,7 +39,7 @@ def size_finished(structure: Structure) -> Sizing:
     """Give every member its radius: by the knobs and edits, or as the loads want it and then by the edits.
 
     For the loads it is sized twice: thick members merge nodes and give way to each other in the solid, and forces go
-    with them.
+    with them. Swept profiles do not give way to each other, so that once is enough for them.
     """
     design, options = structure.design, structure.sizing
     for_loads = options is not None and options.size_by is not None
@@ -59,6 +60,9 @@ def size_finished(structure: Structure) -> Sizing:
     sized, first, notes = strengthen(*part, sized, options)
     if first is None:
         return Sizing(sized, knobs, None, tuple(notes))
+    if knobs.swept:
+        sized, edited = _resized(structure, sized)
+        return Sizing(sized, knobs, first, tuple(dict.fromkeys([*notes, *edited])))
     buildable = prepare_truss(sized, knobs).sized
     volume_fraction = first.volume_mm3 / float(design.problem.mesh.volumes.sum())
     sized, second, more = strengthen(*part, buildable, replace(options, braces=False, volume_fraction=volume_fraction))
@@ -82,9 +86,21 @@ def _resized(structure: Structure, sized: SizedTruss) -> tuple[SizedTruss, list[
     ]
 
 
-def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
-    """The solid of a structure, united with what it keeps."""
-    solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
-    if structure.whole_kept:
+def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> BuiltSolid:
+    """The solid of a structure, united with what it keeps.
+
+    Raises
+    ------
+    InvalidInputError
+        If something is kept, and the members are not round.
+    """
+    knobs = sizing.knobs
+    if structure.whole_kept and knobs.swept:
+        raise InvalidInputError(
+            "[[keep]] unites round members with the part, and no others: set profile = round, profile_aspect = 1 and "
+            "node_form = sphere, or leave [[keep]] out"
+        )
+    solid = build_solid(sizing.sized, knobs, progress=lambda fraction: progress("solid", fraction))
+    if structure.whole_kept and isinstance(solid, TrussSolid):
         solid = unite(solid, structure.whole_kept, lambda fraction: progress("keep", fraction))
     return solid

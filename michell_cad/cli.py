@@ -110,7 +110,10 @@ def export(
         list[Path],
         typer.Argument(metavar="FILE...", help="What to write: .step .stl .3mf .beams.3mf .glb .brep"),
     ],
-    step_form: Annotated[str, typer.Option(help="solid, or assembly: a solid per curve and per node.")] = "solid",
+    step_form: Annotated[
+        str | None,
+        typer.Option(help="solid, or assembly: a solid per curve and per node; default: what there is."),
+    ] = None,
     step_schema: Annotated[str, typer.Option(help="AP214 or AP242.")] = "AP214",
     pcurves: Annotated[bool, typer.Option("--pcurves", help="STEP with the edges in parameters of faces.")] = False,
     brep_binary: Annotated[bool, typer.Option("--brep-binary", help="BREP in binary, not as text.")] = False,
@@ -268,7 +271,6 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
 
     truss, solid, alignment, summary = (report[key] for key in ("truss", "solid", "alignment", "summary"))
     families = ", ".join(f"{count} {name}" for name, count in truss["curves_per_family"].items())
-    fallback = ", ".join(f"{count} {kind}" for kind, count in solid["fallback_nodes"].items()) or "none"
     rows = [
         ("truss", f"{truss['members']} members, {truss['nodes']} nodes; curves: {families}"),
         ("cell edge", f"{truss['spacing_mm']:.3g} mm, shortest member {truss['shortest_member_mm']:.3g} mm"),
@@ -277,11 +279,7 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
             f"shear residual {alignment['curve_shear_residual']:.2f}, uncarried stress "
             f"{alignment['uncarried_stress']:.2f} (0 is exact)",
         ),
-        (
-            "solid",
-            f"{solid['solids']} valid solid{'s' * (solid['solids'] != 1)}, {solid['faces']} faces, "
-            f"{solid['filleted_nodes']} nodes with fillets; fallbacks: {fallback}",
-        ),
+        ("solid", _solid_line(solid)),
         (
             "material",
             f"{solid['volume_mm3']:.4g} mm3, {100 * summary['volume_fraction']:.1f} % of the part, "
@@ -297,6 +295,20 @@ def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> Non
     console.print(table)
     for note in report["notes"]:
         console.print(f"[yellow]note[/]: {note}")
+
+
+def _solid_line(solid: dict[str, Any]) -> str:
+    if "profile" in solid:
+        return (
+            f"profile {solid['profile']}, aspect {solid['profile_aspect']:g}, nodes as {solid['node_form']}s: "
+            f"{solid['parts']} valid solids for curves and nodes, their united mesh in {solid['solids']} piece"
+            f"{'s' * (solid['solids'] != 1)} of genus {solid['genus']}"
+        )
+    fallback = ", ".join(f"{count} {kind}" for kind, count in solid["fallback_nodes"].items()) or "none"
+    return (
+        f"{solid['solids']} valid solid{'s' * (solid['solids'] != 1)}, {solid['faces']} faces, "
+        f"{solid['filleted_nodes']} nodes with fillets; fallbacks: {fallback}"
+    )
 
 
 def _describe_file(name: str, entry: dict[str, int]) -> str:

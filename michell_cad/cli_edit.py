@@ -82,7 +82,7 @@ def _known(name: str, shown: str) -> str:
 
 def _value(text: str) -> Any:
     """A number, a text, or several separated by commas."""
-    if "," in text:
+    if "," in text and not text.startswith("[["):
         return tuple(_value(part.strip()) for part in text.strip("[]()").split(","))
     try:
         return tomllib.loads(f"value = {text}")["value"]

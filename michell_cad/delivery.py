@@ -13,8 +13,10 @@ import numpy as np
 
 from michell_cad.building import Progress, build_united, size_finished
 from michell_cad.cad import (
+    BuiltSolid,
     KeptSolid,
-    TrussSolid,
+    SweptReport,
+    coloured_triangles,
     export_solid,
     file_name,
     forecast_step,
@@ -38,6 +40,7 @@ from michell_cad.files import writing_folder
 from michell_cad.job import Job, Setup, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
+from michell_cad.palette import group_colour
 from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.picture import ShownMesh, render_truss
 from michell_cad.pipeline import GOOD_CELLS_PER_EDGE, Design, DesignOptions, StageTime, design
@@ -181,7 +184,7 @@ def write_results(
         sizing = size_finished(structure)
     with _timed("solid", times, progress):
         solid = build_united(structure, sizing, progress)
-    built, knobs = solid.prepared.sized, sizing.knobs
+    built, knobs = solid.sized, sizing.knobs
     with _timed("export", times, progress):
         splines = fit_splines(built.truss)
         files = [file_name(SOLID_STEM, name) for name in output.formats]
@@ -196,7 +199,8 @@ def write_results(
         extras = _write_extras(folder, structure, built, plates)
         if output.preview:
             shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
-            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, others=shown)
+            swept = _show_swept(solid) if knobs.swept else ()
+            render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, solids=swept, others=shown)
     with _timed("strength", times, progress):
         strength, strength_notes = _measure_strength(structure, solid)
     report = report_design(result, built.truss, times)
@@ -215,12 +219,21 @@ def write_results(
     return report
 
 
-def _measure_strength(structure: Structure, solid: TrussSolid) -> tuple[dict[str, Any] | None, list[str]]:
+def _show_swept(solid: BuiltSolid) -> list[ShownMesh]:
+    """The united mesh by families, and the nodes."""
+    return [
+        ShownMesh(name, group_colour(name), solid.mesh.vertices, triangles)
+        for name, triangles in coloured_triangles(solid).items()
+    ]
+
+
+def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str, Any] | None, list[str]]:
     if structure.others:
         return None, ["the strength of joined trusses is not computed: the loads are known of one part only"]
     design = structure.design
     part = design.problem, design.stress_field, design.parametrization
-    return strength_block(*part, solid.prepared.sized, solid.report.volume_mm3)
+    # Beams are round: for other profiles of that area this is their strength but for bending and buckling.
+    return strength_block(*part, solid.sized, solid.report.volume_mm3)
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:
@@ -245,9 +258,11 @@ def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates:
     return report
 
 
-def report_solid(solid: TrussSolid) -> dict[str, Any]:
+def report_solid(solid: BuiltSolid) -> dict[str, Any]:
     """The `solid` block of the report."""
     r = solid.report
+    if isinstance(r, SweptReport):
+        return {name: value for name, value in asdict(r).items() if name != "messages"} | {"step_forms": ["assembly"]}
     return {
         "valid": r.valid,
         "solids": r.solids,
@@ -269,7 +284,7 @@ def report_solid(solid: TrussSolid) -> dict[str, Any]:
     }
 
 
-def _material_summary(structure: Structure, solid: TrussSolid) -> dict[str, float]:
+def _material_summary(structure: Structure, solid: BuiltSolid) -> dict[str, float]:
     volume = solid.report.volume_mm3
     return {
         "volume_fraction": volume / float(structure.whole_mesh.volumes.sum()),
@@ -294,6 +309,11 @@ def _notes(report: dict[str, Any], knobs: Knobs) -> list[str]:
         )
     if knobs.families != ("tension", "compression", "third") or knobs.every != 1:
         notes.append("the knobs keep some of the curves only; the report's truss block is about those")
+    if knobs.swept:
+        notes.append(
+            "members of this profile have no common CAD solid: STEP and BREP have a solid for each curve and node, "
+            "STL, 3MF and GLB the united mesh; strength is that of round members of the same area"
+        )
     return notes
 
 

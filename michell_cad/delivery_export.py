@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from michell_cad.building import Progress, build_united, size_finished
-from michell_cad.cad import ExportOptions, TrussSolid, export_solid, forecast_step, format_of
+from michell_cad.cad import BuiltSolid, ExportOptions, export_solid, forecast_step, format_of
 from michell_cad.delivery import DESIGN_FILE
 from michell_cad.design_file import open_structure
 from michell_cad.errors import InvalidInputError
@@ -18,7 +18,7 @@ def export_design(
     force: bool = False,
     progress: Progress = lambda stage, fraction: None,
     tell: Callable[[str], None] = lambda text: None,
-) -> TrussSolid:
+) -> BuiltSolid:
     """Build the solid of a design file and write it to files, in the formats that their names mean; all or none.
 
     Raises

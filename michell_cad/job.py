@@ -40,6 +40,7 @@ from michell_cad.problem import (
     surface_pressure,
     surface_torque,
 )
+from michell_cad.profile_source import with_profile_file
 from michell_cad.selection import REGION_KEYS, Region, Vector, select_triangles
 from michell_cad.sizing_section import SizingSection
 
@@ -264,8 +265,17 @@ def read_job(path: str | Path) -> Job:
         ) from error
     except tomllib.TOMLDecodeError as error:
         raise InvalidInputError(f"{path}: not valid TOML: {error}") from error
-    job = parse_job(data, str(path))
+    job = parse_job(_with_profile(data, path), str(path))
     return job.model_copy(update={"part": job.part.model_copy(update={"file": str(path.parent / job.part.file)})})
+
+
+def _with_profile(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The contents of a job file with the outline in place of the file that the knob `profile` names."""
+    knobs = data.get("knobs")
+    try:
+        return data | {"knobs": with_profile_file(knobs, path.parent)} if isinstance(knobs, dict) else data
+    except InvalidInputError as error:
+        raise InvalidInputError(f"{path}: [knobs] profile: {error}") from error
 
 
 def parse_job(data: Mapping[str, Any], name: str = "job") -> Job:

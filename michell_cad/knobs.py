@@ -4,13 +4,15 @@ Applying knobs never touches what lies upstream (stress, parametrization, isocur
 truss and returns the chosen part of it with a radius for every member.
 """
 
-from typing import Annotated, Literal
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from michell_cad.arrays import require
+from michell_cad.profiles import PROFILE_NAMES, Profile, ProfileName, named_profile, outline_profile
 from michell_cad.truss import Curve, SizedTruss, Truss, keep_curves
 
 FamilyName = Literal["tension", "compression", "third"]
@@ -28,6 +30,7 @@ SIZES = ("radius", "volume_fraction", "mass")
 
 Stride = Annotated[int, Field(ge=1, le=1000)]
 Shift = Annotated[int, Field(ge=0, le=1000)]
+Row = Annotated[tuple[float, ...], Field(min_length=2, max_length=6)]
 
 
 class Knobs(BaseModel):
@@ -96,6 +99,42 @@ class Knobs(BaseModel):
         json_schema_extra={"unit": "1"},
     )
 
+    profile: ProfileName | tuple[Row, ...] = Field(
+        default="round",
+        description="Cross-section of the members, of the area of the circle of the radius; or the points [x, y] of an "
+        "outline of one's own, as read from a .dxf, .svg, .step or .brep file if the name of one is given.",
+    )
+    profile_aspect: float = Field(
+        default=1.0,
+        ge=0.1,
+        le=10.0,
+        description="Stretches the profile along its x axis, which points along the curves of the next family: a "
+        "square of 2 is a rectangle twice as long as wide. The area stays.",
+        json_schema_extra={"unit": "1"},
+    )
+    node_form: Literal["sphere", "hull"] = Field(
+        default="sphere",
+        description="Nodes as spheres, or as convex hulls of the profiles that meet; hulls have no fillets, like all "
+        "nodes of profiles that are not round.",
+    )
+
+    @field_validator("profile", mode="before")
+    @classmethod
+    def _known_profile(cls, value: Any) -> Any:
+        if isinstance(value, str) and value not in PROFILE_NAMES:
+            raise ValueError(
+                f"unknown profile {value!r}; expected one of {', '.join(PROFILE_NAMES)} (a rectangle is a square with "
+                "profile_aspect), a file .dxf .svg .step .brep, or points [[x, y], ...]"
+            )
+        return value
+
+    @field_validator("profile")
+    @classmethod
+    def _outline(cls, value: ProfileName | tuple[Row, ...]) -> ProfileName | tuple[Row, ...]:
+        if not isinstance(value, str):
+            outline_profile(value)
+        return value
+
     @model_validator(mode="after")
     def _some_family(self) -> "Knobs":
         if isinstance(self.family, tuple) and not self.family:
@@ -115,6 +154,18 @@ class Knobs(BaseModel):
         if self.family == "all":
             return FAMILY_ORDER
         return (self.family,) if isinstance(self.family, str) else self.family
+
+    @property
+    def swept(self) -> bool:
+        """Whether members are swept profiles (see `cad.swept_solid`), and not the round ones of the direct shell."""
+        return self.profile != "round" or self.profile_aspect != 1.0 or self.node_form != "sphere"
+
+    @cached_property
+    def shape(self) -> Profile:
+        """The profile as a value."""
+        if isinstance(self.profile, str):
+            return named_profile(self.profile, self.profile_aspect)
+        return outline_profile(self.profile, self.profile_aspect)
 
 
 def apply_knobs(truss: Truss, knobs: Knobs) -> SizedTruss:

@@ -15,7 +15,11 @@ class OutputSection(BaseModel):
         default=("step", "stl"),
         description="Files of the solid; 3mf-beams has the members as a lattice of beams, glb is for viewing.",
     )
-    step_form: StepForm = Field(default="solid", description="solid: one; assembly: one per curve and per node.")
+    step_form: StepForm | None = Field(
+        default=None,
+        description="solid: one; assembly: one per curve and per node. Default: solid, for other profiles than round "
+        "ones the assembly, which is all that they have.",
+    )
     step_schema: StepSchema = Field(default="AP214", description="Schema of the STEP file.")
     pcurves: Switch = Field(default=False, description="Write STEP with the edges in the parameters of their faces.")
     brep_binary: Switch = Field(default=False, description="Write BREP in binary, not as text.")

@@ -98,8 +98,7 @@ class MemberSplines:
     def tangents(self, s: Float[np.ndarray, "..."]) -> Float[np.ndarray, "n_m k 3"]:
         """Unit tangents at fractions `s` of the arc length, see `positions`; they point to the second node."""
         piece, t = self._parameters(s)
-        derivative = _derivative(self.control_points[piece], t)
-        return derivative / np.linalg.norm(derivative, axis=-1, keepdims=True)
+        return bezier_slopes(self.control_points[piece], t)
 
     def _parameters(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Piece and parameter at fractions of the arc length, both (n_m, k)."""
@@ -227,6 +226,12 @@ def bezier(P: Float[np.ndarray, "*n 4 3"], t: Float[np.ndarray, "*k"]) -> Float[
     t = t[..., None]
     u = 1 - t
     return u**3 * P[..., 0, :] + 3 * u**2 * t * P[..., 1, :] + 3 * u * t**2 * P[..., 2, :] + t**3 * P[..., 3, :]
+
+
+def bezier_slopes(P: Float[np.ndarray, "*n 4 3"], t: Float[np.ndarray, "*k"]) -> Float[np.ndarray, "*m 3"]:
+    """Unit tangents of Bézier pieces P (..., 4, 3) at parameters t (...)."""
+    derivative = _derivative(P, t)
+    return derivative / np.linalg.norm(derivative, axis=-1, keepdims=True)
 
 
 def _derivative(P: np.ndarray, t: np.ndarray) -> np.ndarray:

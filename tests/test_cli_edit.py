@@ -1,6 +1,7 @@
 """`michell-cad edit`: from a design file to new results, the old file untouched."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,10 +11,12 @@ from designs import small_bar
 
 from michell_cad.cli_edit import read_knob_options
 from michell_cad.delivery_edit import deliver_edit
-from michell_cad.design_file import load_edits, save_design
+from michell_cad.design_file import load_design, load_edits, save_design
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
+
+FLAT = '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 6 0 L 6 2 L 0 2 Z"/></svg>'
 
 SCRIPT = """
 version = 1
@@ -76,6 +79,37 @@ def test_knobs_and_a_script_make_new_results(folder):
     assert json.loads((folder / "back/report.json").read_text())["knobs"]["radius"] == 0.7
 
 
+def test_a_profile_from_a_file_is_kept_with_the_design(folder):
+    (folder / "flat.svg").write_text(FLAT)
+    (folder / "flat.toml").write_text("version = 1\n[knobs]\nprofile = 'flat.svg'\nnode_form = 'hull'\n")
+    formats = OutputSection(formats=("stl", "step"), preview=True)
+    report = deliver_edit(folder / "design.npz", folder / "flat", {"every": 3}, folder / "flat.toml", output=formats)
+    assert (report["solid"]["profile"], report["solid"]["node_form"]) == ("own", "hull")
+    assert report["solid"]["step_forms"] == ["assembly"]
+    assert report["summary"]["mass_g"] > 0
+    assert any("no common CAD solid" in note for note in report["notes"])
+    (folder / "flat.svg").unlink()
+    corners = load_design(folder / "flat/design.npz")[1].profile
+    assert sorted(corners) == [(0.0, -2.0), (0.0, 0.0), (6.0, -2.0), (6.0, 0.0)]
+    shutil.rmtree(folder / "flat")
+
+
+def test_a_volume_is_met_with_another_profile(folder):
+    little = OutputSection(formats=(), preview=False)
+    changes = {"profile": "square", "volume_fraction": 0.05, "every": 3}
+    report = deliver_edit(folder / "design.npz", folder / "squares", changes, output=little)
+    assert report["summary"]["volume_fraction"] == pytest.approx(0.05, rel=0.01)
+    shutil.rmtree(folder / "squares")
+
+
+def test_one_step_solid_of_another_profile_is_refused(folder):
+    with pytest.raises(InvalidInputError, match="take the form 'assembly'"):
+        deliver_edit(
+            folder / "design.npz", folder / "failed", {"profile": "square"}, output=OutputSection(step_form="solid")
+        )
+    assert not (folder / "failed").exists()
+
+
 @pytest.mark.parametrize(
     ("design", "options", "message"),
     [
@@ -86,6 +120,12 @@ def test_knobs_and_a_script_make_new_results(folder):
         ("design.npz", {"script": "none.toml"}, "cannot be read"),
         ("short.npz", {}, "not a complete design file"),
         ("design.npz", {"changes": {"family": "steel"}}, "family: expected 'all' or 'tension', .* found 'steel'"),
+        ("design.npz", {"changes": {"profile": "none.dxf"}}, r"none\.dxf: there is no such file"),
+        (
+            "design.npz",
+            {"changes": {"profile": [[0, 0], [1, 1], [1, 0], [0, 1]]}},
+            "knobs: profile: the profile crosses",
+        ),
     ],
 )
 def test_mistakes_are_one_message_and_leave_nothing(folder, design, options, message):
@@ -146,6 +186,7 @@ def test_bad_options_are_refused(arguments, message):
 def test_options_are_the_knobs_of_the_schema(folder):
     arguments = [text for name in Knobs.model_fields for text in (f"--{name.replace('_', '-')}", "1")]
     assert set(read_knob_options(arguments, [])) == set(Knobs.model_fields)
+    assert read_knob_options(["--profile", "[[0, 0], [2, 0], [0, 1]]"], []) == {"profile": [[0, 0], [2, 0], [0, 1]]}
     assert read_knob_options(["--every", "2,1,1"], ["family=third"]) == {"family": "third", "every": (2, 1, 1)}
     shown = run("knobs", cwd=folder).stdout
     for name in Knobs.model_fields:

@@ -7,7 +7,6 @@ from cadquery import Workplane, cqgi
 from designs import small_bar
 
 from michell_cad.cad import mesh_truss, prepare_truss
-from michell_cad.cad.solid import mesh_bodies
 from michell_cad.design_file import save_design
 from michell_cad.knobs import Knobs, apply_knobs
 
@@ -51,7 +50,7 @@ def test_each_constant_changes_volume_and_solids_as_the_direct_mesh_predicts(des
     knobs = Knobs(**values)
     mesh = mesh_truss(prepare_truss(apply_knobs(small_bar().truss, knobs), knobs))
     solids = build(design_file=design_file, **values).solids()
-    assert solids.size() == mesh_bodies(mesh)
+    assert solids.size() == mesh.bodies
     assert sum(solid.Volume() for solid in solids.vals()) == pytest.approx(mesh.volume, rel=5e-3)
 
 

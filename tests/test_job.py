@@ -255,6 +255,7 @@ def test_schema_describes_every_key_and_accepts_the_examples():
         ({"output": {"formats": ["step", "iges"]}}, "'3mf-beams', 'glb' or 'brep', found 'iges'"),
         ({"output": {"formats": ["stl", "stl"]}}, "[output] formats: expected every format at most once"),
         ({"output": {"step_form": "parts"}}, "[output] step_form: expected 'solid' or 'assembly', found 'parts'"),
+        ({"knobs": {"profile": "rectangle"}}, "[knobs] profile: unknown profile 'rectangle'"),
         ({"output": {"step_schema": "AP203"}}, "[output] step_schema: expected 'AP214' or 'AP242', found 'AP203'"),
     ],
 )
@@ -285,3 +286,12 @@ def test_job_files_that_cannot_be_read(tmp_path):
     refused(r"\[part\]: is missing")
     (tmp_path / "job.toml").write_text("[part]\nfile = 'sub/x.step'\n")
     assert read_job(tmp_path / "job.toml").part.file == str(tmp_path / "sub" / "x.step")
+    (tmp_path / "job.toml").write_text("[part]\nfile = 'x.step'\n[knobs]\nprofile = 'none.dxf'\n")
+    refused(r"job\.toml: \[knobs\] profile: .*none\.dxf: there is no such file")
+
+
+def test_a_profile_file_is_relative_to_the_job(tmp_path):
+    svg = '<svg xmlns="http://www.w3.org/2000/svg"><path d="M 0 0 L 6 0 L 6 2 L 0 2 Z"/></svg>'
+    (tmp_path / "flat.svg").write_text(svg)
+    (tmp_path / "job.toml").write_text("[part]\nfile = 'x.step'\n[knobs]\nprofile = 'flat.svg'\n")
+    assert len(read_job(tmp_path / "job.toml").knobs.profile) == 4

@@ -6,6 +6,7 @@ from shapes import box_mesh
 from michell_cad.errors import InvalidInputError
 from michell_cad.isocurves import trace_isocurves
 from michell_cad.knobs import Knobs, apply_knobs, entasis_weights
+from michell_cad.profiles import named_profile
 from michell_cad.truss import CurveKind, Truss, build_truss, member_radius
 
 
@@ -94,8 +95,37 @@ def test_nothing_left_is_refused(grid):
         {"every": 0},
         {"every": (1, 2)},
         {"width": 3},
+        {"profile": "rectangle"},
+        {"profile": 3},
+        {"profile": [1, 2]},
+        {"profile": [[0, 0], [1, 1], [1, 0], [0, 1]]},
+        {"profile_aspect": 0},
+        {"node_form": "cube"},
     ],
 )
 def test_bad_knobs_are_refused(values):
     with pytest.raises(ValidationError):
         Knobs(**values)
+
+
+def test_a_bad_profile_says_what_would_work():
+    with pytest.raises(ValidationError, match=r"unknown profile 'rectangle'.*a square with profile_aspect"):
+        Knobs.model_validate({"profile": "rectangle"})
+    with pytest.raises(ValidationError, match="in the order 1, 3, 2, 4"):
+        Knobs.model_validate({"profile": [[0, 0], [1, 1], [1, 0], [0, 1]]})
+
+
+@pytest.mark.parametrize(
+    ("values", "swept"),
+    [({}, False), ({"profile": "square"}, True), ({"profile_aspect": 1.2}, True), ({"node_form": "hull"}, True)],
+)
+def test_only_plain_round_members_are_not_swept(values, swept):
+    assert Knobs(**values).swept is swept
+
+
+def test_the_profile_survives_as_json():
+    own = Knobs.model_validate({"profile": [[0, 0], [3, 0], [0, 2, -1, 1.5, -1, 0.5]], "profile_aspect": 2})
+    again = Knobs.model_validate_json(own.model_dump_json())
+    assert again == own
+    assert again.shape.pieces == pytest.approx(own.shape.pieces)
+    assert Knobs(profile="hexagon").shape.reach == pytest.approx(named_profile("hexagon").reach)

@@ -7,18 +7,23 @@ written.
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
 from michell_cad.cad.beam_lattice import BeamLattice, export_beam_lattice, sample_beams
 from michell_cad.cad.brep import export_brep
+from michell_cad.cad.built import BuiltSolid, curve_of_part
 from michell_cad.cad.clearance import Crossings, crossing_members
 from michell_cad.cad.formats import FORMATS, ExportOptions, FormatName, export_solid, file_name, format_of
 from michell_cad.cad.glb import export_glb
 from michell_cad.cad.keep import KeptSolid, keep_material, kept_shape
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
+from michell_cad.cad.mesh_groups import coloured_triangles
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.preview import PreviewMesh, preview_truss
+from michell_cad.cad.profile_files import profile_from_cad, read_profile
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import KeptReport, SolidReport, TrussSolid, build_solid, curve_of_part
+from michell_cad.cad.solid import TrussSolid, build_round_solid, build_solid
+from michell_cad.cad.solid_report import KeptReport, SolidReport, SweptReport
 from michell_cad.cad.step import StepForm, StepSchema, export_step, forecast_step, read_step_summary
 from michell_cad.cad.stl import export_stl
+from michell_cad.cad.swept_solid import SweptSolid, build_swept, swept_volume
 from michell_cad.cad.target_volume import resolve_radius
 from michell_cad.cad.threemf import export_3mf
 from michell_cad.cad.unite import unite
@@ -29,6 +34,7 @@ __all__ = [
     "FORMATS",
     "AssemblyPart",
     "BeamLattice",
+    "BuiltSolid",
     "Crossings",
     "ExportOptions",
     "FaceRole",
@@ -40,10 +46,15 @@ __all__ = [
     "SolidReport",
     "StepForm",
     "StepSchema",
+    "SweptReport",
+    "SweptSolid",
     "TrussMesh",
     "TrussSolid",
     "build_assembly",
+    "build_round_solid",
     "build_solid",
+    "build_swept",
+    "coloured_triangles",
     "crossing_members",
     "curve_of_part",
     "export_3mf",
@@ -61,8 +72,11 @@ __all__ = [
     "mesh_truss",
     "prepare_truss",
     "preview_truss",
+    "profile_from_cad",
+    "read_profile",
     "read_step_summary",
     "resolve_radius",
     "sample_beams",
+    "swept_volume",
     "unite",
 ]

@@ -16,9 +16,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.threemf import CORE, VERTEX, model_file, write_rows
+from michell_cad.errors import InvalidInputError
 from michell_cad.files import path_with_suffix, writing
 from michell_cad.palette import GROUPS
 
@@ -82,7 +84,7 @@ def sample_beams(prepared: PreparedTruss) -> BeamLattice:
     )
 
 
-def export_beam_lattice(solid: TrussSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
+def export_beam_lattice(solid: BuiltSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
     """Write the members as a 3MF beam lattice, in mm, with a set of beams for each family and for each curve.
 
     The file is there whole or not at all, and the same bytes for the same truss.
@@ -90,9 +92,14 @@ def export_beam_lattice(solid: TrussSolid, path: str | Path, progress: Callable[
     Raises
     ------
     InvalidInputError
-        For another extension than .3mf, and if the file cannot be written.
+        For another extension than .3mf, for a truss of other profiles, and if the file cannot be written.
     """
     path = path_with_suffix(path, ".3mf")
+    if not isinstance(solid, TrussSolid):
+        raise InvalidInputError(
+            "the beams of a 3MF beam lattice are round: write 3mf, the united mesh, or set profile = round and "
+            "node_form = sphere"
+        )
     lattice, truss = sample_beams(solid.prepared), solid.prepared.sized.truss
     families = [group for group in GROUPS if any(curve.family == group for curve in truss.curves)]
     curve = truss.curve_of_member[lattice.member]

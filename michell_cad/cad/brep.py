@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import TrussSolid
 from michell_cad.files import path_with_suffix, writing
 
 NODES, KEPT = "node", "kept"
@@ -18,7 +18,7 @@ NODES, KEPT = "node", "kept"
 
 
 def export_brep(
-    solid: TrussSolid, path: str | Path, binary: bool = False, progress: Callable[[float], None] | None = None
+    solid: BuiltSolid, path: str | Path, binary: bool = False, progress: Callable[[float], None] | None = None
 ) -> None:
     """Write the solids as BREP, in mm, as text or binary; the file is there whole or not at all.
 
@@ -35,20 +35,20 @@ def export_brep(
         progress(1.0)
 
 
-def face_order(solid: TrussSolid) -> Int[np.ndarray, " n_f"]:
+def face_order(solid: BuiltSolid) -> Int[np.ndarray, " n_f"]:
     """Numbers of the faces in the order in which the kernel, and every program built on it, counts them."""
     return np.argsort(solid.face_component, kind="stable")
 
 
-def face_families(solid: TrussSolid) -> tuple[tuple[str, ...], Int[np.ndarray, " n_f"]]:
+def face_families(solid: BuiltSolid) -> tuple[tuple[str, ...], Int[np.ndarray, " n_f"]]:
     """Names of the families, and for every face, in the kernel's order, the number of its family among them."""
-    family = np.array([*(curve.family for curve in solid.prepared.sized.truss.curves), NODES])
+    family = np.array([*(curve.family for curve in solid.sized.truss.curves), NODES])
     of_face = np.where(solid.face_role == FaceRole.KEPT, KEPT, family[solid.face_curve])
     names, numbers = np.unique(of_face[face_order(solid)], return_inverse=True)
     return tuple(names.tolist()), numbers
 
 
-def export_family_breps(solid: TrussSolid, folder: Path) -> dict[str, str]:
+def export_family_breps(solid: BuiltSolid, folder: Path) -> dict[str, str]:
     """Write the faces of every family as ``FAMILY.brep``; returns the names of the files by family."""
     from michell_cad.cad import kernel_files
 

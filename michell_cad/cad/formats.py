@@ -8,8 +8,8 @@ from typing import Literal, get_args
 from michell_cad.arrays import require
 from michell_cad.cad.beam_lattice import export_beam_lattice
 from michell_cad.cad.brep import export_brep
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.glb import export_glb
-from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.step import FORMS, SCHEMAS, export_step
 from michell_cad.cad.stl import export_stl
 from michell_cad.cad.threemf import export_3mf
@@ -33,13 +33,14 @@ SUFFIXES: Mapping[FormatName, tuple[str, ...]] = {
 class ExportOptions:
     """What formats leave to choose: see `export_step` and `export_brep`."""
 
-    step_form: str = "solid"
+    step_form: str | None = None
     step_schema: str = "AP214"
     pcurves: bool = False
     brep_binary: bool = False
 
     def __post_init__(self) -> None:
-        require(self.step_form in FORMS, f"step_form must be one of {', '.join(FORMS)}, found {self.step_form!r}")
+        known = self.step_form is None or self.step_form in FORMS
+        require(known, f"step_form must be one of {', '.join(FORMS)}, found {self.step_form!r}")
         known = ", ".join(SCHEMAS)
         require(self.step_schema in SCHEMAS, f"step_schema must be one of {known}, found {self.step_schema!r}")
 
@@ -66,7 +67,7 @@ def format_of(path: str | Path) -> FormatName:
 
 
 def export_solid(
-    solid: TrussSolid,
+    solid: BuiltSolid,
     path: str | Path,
     options: ExportOptions | None = None,
     progress: Callable[[float], None] | None = None,

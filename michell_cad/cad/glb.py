@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.mesh import TrussMesh
 from michell_cad.cad.mesh_groups import coloured_triangles, own_vertices
-from michell_cad.cad.solid import TrussSolid
 from michell_cad.files import path_with_suffix, writing
 from michell_cad.palette import group_colour
 
@@ -31,7 +31,7 @@ METALLIC, ROUGHNESS = 0.1, 0.6
 """The look of the surface; from 0 to 1."""
 
 
-def export_glb(solid: TrussSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
+def export_glb(solid: BuiltSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
     """Write the mesh as GLB; the file is there whole or not at all, and the same bytes for the same truss.
 
     Raises

@@ -9,6 +9,8 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from michell_cad.arrays import freeze, require
 from michell_cad.cad.mesh_blocks import TURN, Blocks, widened_arc
@@ -84,6 +86,14 @@ class TrussMesh:
         used = np.zeros(len(self.vertices), bool)
         used[self.triangles] = True
         return int(used.sum()) - len(self.triangles) // 2
+
+    @cached_property
+    def bodies(self) -> int:
+        """Number of connected bodies."""
+        t, n = self.triangles, len(self.vertices)
+        ends = (t[:, [0, 1]].ravel(), t[:, [1, 2]].ravel())
+        _, label = connected_components(coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
+        return len(np.unique(label[t[:, 0]]))
 
 
 def mesh_truss(prepared: PreparedTruss, segments: int = SEGMENTS) -> TrussMesh:

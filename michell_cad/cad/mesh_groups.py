@@ -7,19 +7,23 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.built import BuiltSolid, curve_of_part
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import TrussSolid, curve_of_part
 from michell_cad.palette import GROUPS, KEPT, NODES
+from michell_cad.truss import Truss
 
 
-def coloured_triangles(solid: TrussSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
+def coloured_triangles(solid: BuiltSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
     """Triangles by colour, as the faces of the solid have it: fillets go with the family of their member."""
-    group = _group_numbers(solid.prepared, solid.mesh.role, solid.mesh.owner)
-    return _split(solid.mesh.triangles, group)
+    return _split(solid.mesh.triangles, triangle_groups(solid))
 
 
-def closed_bodies(solid: TrussSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
+def triangle_groups(solid: BuiltSolid) -> Int[np.ndarray, " t"]:
+    """Index into `GROUPS` of each triangle of the mesh."""
+    return _group_numbers(solid.sized.truss, solid.mesh.role, solid.mesh.owner)
+
+
+def closed_bodies(solid: BuiltSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
     """Triangles of closed bodies: the tubes of each family, and the nodes with their fillets.
 
     Between a tube and a node both get the same plane polygon, so that the bodies touch, do not overlap, and have the
@@ -30,7 +34,7 @@ def closed_bodies(solid: TrussSolid) -> dict[str, Int[np.ndarray, "t 3"]]:
         return {KEPT: mesh.triangles}
     is_tube = mesh.role == FaceRole.MEMBER
     tubes = mesh.triangles[is_tube]
-    group = _group_numbers(solid.prepared, mesh.role[is_tube], mesh.owner[is_tube])
+    group = _group_numbers(solid.sized.truss, mesh.role[is_tube], mesh.owner[is_tube])
     lid, triangle = _lids(tubes, len(mesh.vertices))
     node = GROUPS.index(NODES)
     triangles = np.concatenate([tubes, mesh.triangles[~is_tube], lid, lid[:, ::-1]])
@@ -48,10 +52,10 @@ def own_vertices(
     return np.flatnonzero(used), number[triangles]
 
 
-def _group_numbers(prepared: PreparedTruss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def _group_numbers(truss: Truss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """Index into `GROUPS` of each triangle."""
-    families = np.array([GROUPS.index(curve.family) for curve in prepared.sized.truss.curves] + [GROUPS.index(NODES)])
-    return np.where(role == FaceRole.KEPT, GROUPS.index(KEPT), families[curve_of_part(prepared, role, owner)])
+    families = np.array([GROUPS.index(curve.family) for curve in truss.curves] + [GROUPS.index(NODES)])
+    return np.where(role == FaceRole.KEPT, GROUPS.index(KEPT), families[curve_of_part(truss, role, owner)])
 
 
 def _split(triangles: np.ndarray, group: np.ndarray) -> dict[str, np.ndarray]:

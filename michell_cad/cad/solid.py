@@ -4,18 +4,15 @@ Nothing that fails a check is handed out: the kernel's own check, one solid for 
 against the direct mesh, and the genus. (The kernel's check alone accepts solids with a third of their volume.)
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from jaxtyping import Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from michell_cad.arrays import freeze, require
+from michell_cad.arrays import require
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.clearance import Crossings, crossing_tubes
 from michell_cad.cad.faults import FaultFinder, nodes_of_parts
 from michell_cad.cad.fidelity import curve_deviation, design_gaps
@@ -23,7 +20,8 @@ from michell_cad.cad.mesh import SEGMENTS, TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell import assemble_shell
-from michell_cad.cad.shell_plan import FaceRole
+from michell_cad.cad.solid_report import SolidReport
+from michell_cad.cad.swept_solid import SweptSolid, build_swept
 from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss
@@ -38,119 +36,28 @@ NAMED = 5
 """Crossing pairs that a message names."""
 
 
-@dataclass(frozen=True)
-class KeptReport:
-    """What was united with a truss.
-
-    Parameters
-    ----------
-    names : of the kept solids.
-    volume_mm3 : of the kept solids together.
-    truss_volume_mm3 : what the truss adds to it: all of it outside of the kept solids and their clearance.
-    faces : faces of the result that come from kept solids or bound their clearance.
-    members_absorbed : members wholly within the kept solids or their clearance, which are gone.
-    members_cut : members that the kernel cut where they enter.
-    plain_nodes : nodes there that have no fillets in the solid, since the kernel cuts them badly; the mesh has them.
-    crumbs_mm3 : volume of pieces that clearances cut off from everything else, which were dropped.
-    """
-
-    names: tuple[str, ...]
-    volume_mm3: float
-    truss_volume_mm3: float
-    faces: int
-    members_absorbed: int
-    members_cut: int
-    plain_nodes: int
-    crumbs_mm3: float
-
-
-@dataclass(frozen=True)
-class SolidReport:
-    """Figures of a solid, as the package's reports show them.
-
-    Parameters
-    ----------
-    valid : whether all checks passed (always true for a solid that was handed out).
-    solids : number of solids, one for each connected component.
-    volume_mm3, mesh_volume_mm3 : of the kernel's solids, and of the direct mesh.
-    faces : number of faces.
-    genus, expected_genus : measured on the mesh; sum over components of members - nodes + 1.
-    nodes, members : of the truss as built.
-    filleted_nodes : nodes at which every member has its fillet.
-    fallback_nodes : nodes not built by the direct way, by kind: ``merged`` (nodes moved, merged or given rerouted
-        members), and ``mitred`` (members at acute angles that meet in sharp edges, only where no fillets are wanted).
-    creased_nodes : nodes with members at acute angles, whose common crease is filleted.
-    raised_nodes, reduced_nodes : spheres larger, spheres or fillets smaller than the knobs ask for.
-    turned_ends : ends that aim farther along their curve than their tube begins, to keep clear of another member.
-    straightened_members, merged_members : members that do not follow their curve; members gone.
-    crossings : pairs of members that overlap without a common node, which no check of the kernel sees.
-    curve_deviation_mm : largest distance of a centre line from the design curve of its member.
-    members_off_curve : members whose centre line is farther than their radius from it somewhere.
-    design_gap_mm : largest distance of a design curve, before any changes, from the nearest centre line.
-    messages : one sentence for every kind of change or warning.
-    kept : what was united with the truss; then there is no genus, and `expected_genus` is none either.
-    """
-
-    valid: bool
-    solids: int
-    volume_mm3: float
-    mesh_volume_mm3: float
-    faces: int
-    genus: int | None
-    expected_genus: int | None
-    nodes: int
-    members: int
-    filleted_nodes: int
-    fallback_nodes: Mapping[str, int]
-    creased_nodes: int
-    raised_nodes: int
-    reduced_nodes: int
-    turned_ends: int
-    straightened_members: int
-    merged_members: int
-    crossings: int
-    curve_deviation_mm: float
-    members_off_curve: int
-    design_gap_mm: float
-    messages: tuple[str, ...]
-    kept: KeptReport | None = None
-
-
 @dataclass(frozen=True, eq=False)
-class TrussSolid:
-    """The solids of a truss with their direct mesh and report.
+class TrussSolid(BuiltSolid):
+    """The solids of a truss of round members with their direct mesh and report.
 
     Parameters
     ----------
     prepared : the truss as built.
-    mesh : watertight triangle mesh of the same geometry.
     report : SolidReport
-    face_role, face_owner : (n_f,) int, what each face is of: `FaceRole`, and number of the node, end or member.
-    face_component : (n_f,) int, the solid that has the face.
-    solids, faces : handles of the CAD kernel; see `build123d` and `cadquery` for objects to work with.
     """
 
-    prepared: PreparedTruss
-    mesh: TrussMesh
     report: SolidReport
-    face_role: Int[np.ndarray, " n_f"]
-    face_owner: Int[np.ndarray, " n_f"]
-    face_component: Int[np.ndarray, " n_f"]
-    solids: tuple[Any, ...] = field(repr=False)
-    faces: tuple[Any, ...] = field(repr=False)
+    prepared: PreparedTruss
+
+    @property
+    def sized(self) -> SizedTruss:
+        """The truss as built."""
+        return self.prepared.sized
 
     @property
     def kept_names(self) -> tuple[str, ...]:
         """Names of the kept solids, by owner of their faces."""
         return () if self.report.kept is None else self.report.kept.names
-
-    def __post_init__(self) -> None:
-        freeze(self, face_role=np.int64, face_owner=np.int64, face_component=np.int64)
-
-    @cached_property
-    def face_curve(self) -> Int[np.ndarray, " n_f"]:
-        """The curve of each face's member; -1 for the faces of nodes and of kept solids."""
-        return curve_of_part(self.prepared, self.face_role, self.face_owner)
 
     @cached_property
     def assembly(self) -> tuple[AssemblyPart, ...]:
@@ -167,49 +74,33 @@ class TrussSolid:
         )
         return build_assembly(self.prepared)
 
-    @cached_property
-    def build123d(self) -> Any:
-        """A build123d Solid, or a Compound if there are several."""
-        from michell_cad.cad import kernel
-
-        return kernel.as_build123d(self.solids)
-
-    @cached_property
-    def cadquery(self) -> Any:
-        """A CadQuery Workplane with the solids on its stack."""
-        from michell_cad.cad import kernel
-
-        return kernel.as_cadquery(self.solids)
-
-    @cached_property
-    def cadquery_assembly(self) -> Any:
-        """A CadQuery Assembly whose faces have the names and colours that STEP files give them."""
-        from michell_cad.cad import kernel
-        from michell_cad.cad.step import face_tags
-
-        tags = zip(self.faces, self.face_component.tolist(), face_tags(self), strict=True)
-        return kernel.as_cadquery_assembly(
-            self.solids, [(face, number, name, colour) for face, number, (name, colour, _) in tags]
-        )
-
-
-def curve_of_part(
-    prepared: PreparedTruss, role: Int[np.ndarray, " n"], owner: Int[np.ndarray, " n"]
-) -> Int[np.ndarray, " n"]:
-    """Number of the curve that faces or triangles belong to, by role and owner; -1 at nodes and on kept solids."""
-    curve = prepared.sized.truss.curve_of_member
-    none = (role == FaceRole.NODE) | (role == FaceRole.KEPT)
-    member = np.where(role == FaceRole.MEMBER, owner, owner // 2)
-    return np.where(none, -1, curve[np.where(none, 0, member)])
-
 
 def build_solid(
+    sized: SizedTruss, knobs: Knobs, progress: Callable[[float], None] | None = None
+) -> TrussSolid | SweptSolid:
+    """Build a truss and check it: round members by `build_round_solid`, other profiles by `build_swept`.
+
+    Parameters
+    ----------
+    sized : the truss with the radii of its members.
+    knobs : those of profile, nodes and fillets are used; what else knobs hold is in `sized` already.
+    progress : called with the fraction done, from 0 to 1.
+
+    Raises
+    ------
+    InvalidInputError, GeometryKernelError
+        See there.
+    """
+    return build_swept(sized, knobs, progress) if knobs.swept else build_round_solid(sized, knobs, progress)
+
+
+def build_round_solid(
     sized: SizedTruss,
     knobs: Knobs,
     progress: Callable[[float], None] | None = None,
     segments: int = SEGMENTS,
 ) -> TrussSolid:
-    """Build the solids of a truss, with fillets, and check them.
+    """Build the solids of a truss of round members, with fillets, and check them.
 
     Parameters
     ----------
@@ -249,9 +140,8 @@ def build_solid(
         raise GeometryKernelError(fault)
     report = _report(sized, prepared, mesh, plan.components, len(faces), [kernel.volume(solid) for solid in solids])
     tell(1.0)
-    return TrussSolid(
-        prepared, mesh, report, plan.faces.role, plan.faces.owner, plan.faces.component, tuple(solids), tuple(faces)
-    )
+    role, owner, component = plan.faces.role, plan.faces.owner, plan.faces.component
+    return TrussSolid(mesh, report, role, owner, component, tuple(solids), tuple(faces), prepared)
 
 
 def _rising(progress: Callable[[float], None] | None) -> Callable[[float], None]:
@@ -294,7 +184,7 @@ def _report(
 ) -> SolidReport:
     truss, sizes = prepared.sized.truss, prepared.sizes
     used = np.unique(truss.members)
-    bodies = mesh_bodies(mesh)
+    bodies = mesh.bodies
     genus = bodies - mesh.euler_number // 2
     expected = len(truss.members) - len(used) + components
     volume = float(sum(volumes))
@@ -341,14 +231,6 @@ def _report(
             *_warn_crossings(prepared, crossings),
         ),
     )
-
-
-def mesh_bodies(mesh: TrussMesh) -> int:
-    """Number of connected bodies of a mesh."""
-    t, n = mesh.triangles, len(mesh.vertices)
-    ends = (t[:, [0, 1]].ravel(), t[:, [1, 2]].ravel())
-    _, label = connected_components(coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
-    return len(np.unique(label[t[:, 0]]))
 
 
 def _tell_deviations(prepared: PreparedTruss, deviation: np.ndarray) -> tuple[str, ...]:

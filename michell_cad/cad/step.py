@@ -3,7 +3,7 @@
 In the form ``solid`` there is one solid per connected component, whose faces have names, colours and layers. In the
 form ``assembly`` every curve is a solid (a bar) and every node is one, in a sub-assembly for each family and one for
 the nodes; see `bars` for what belongs to which. Bars run through their nodes, so the parts overlap there: united they
-are the solid of the other form.
+are the solid of the other form. Members of other profiles than round ones have only this form.
 """
 
 import shutil
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from michell_cad.arrays import require
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.step_forecast import forecast_bytes
+from michell_cad.cad.swept_solid import SweptSolid
 from michell_cad.files import path_with_suffix, writing
 from michell_cad.palette import COLOURS, GROUPS, KEPT, NODES, group_colour
 
@@ -31,9 +32,9 @@ StepSchema = Literal["AP214", "AP242"]
 
 
 def export_step(
-    solid: TrussSolid,
+    solid: BuiltSolid,
     path: str | Path,
-    form: str = "solid",
+    form: str | None = None,
     schema: str = "AP214",
     pcurves: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -42,9 +43,9 @@ def export_step(
 
     Parameters
     ----------
-    solid : TrussSolid
+    solid : BuiltSolid
     path : ends in .step or .stp.
-    form : one of `FORMS`, see the module.
+    form : one of `FORMS`, see the module; default: the solid, or the assembly where there is no other form.
     schema : one of `SCHEMAS`.
     pcurves : also write the edges in the parameters of their faces; the file becomes larger by half and no better.
     progress : told the fraction of the work done.
@@ -52,14 +53,16 @@ def export_step(
     Raises
     ------
     InvalidInputError
-        For an unknown form, schema or extension; and if the file cannot be written, or would not fit on the disk.
+        For an unknown form, schema or extension, or a form that the profile does not have; if the file cannot be
+        written, or would not fit on the disk.
     GeometryKernelError
         If a part of an assembly is not valid.
     """
     from michell_cad.cad.kernel_files import StepDocument, StepSettings
 
     path = path_with_suffix(path, ".step", ".stp")
-    _require_known(form, schema)
+    require(schema in SCHEMAS, f"schema must be one of {', '.join(SCHEMAS)}, found {schema!r}")
+    form = _known_form(solid, form)
     tell = progress or (lambda fraction: None)
     with writing(path) as partial:
         _require_space(path, forecast_step(solid, form, pcurves))
@@ -70,15 +73,15 @@ def export_step(
     tell(1.0)
 
 
-def forecast_step(solid: TrussSolid, form: str = "solid", pcurves: bool = False) -> int:
+def forecast_step(solid: BuiltSolid, form: str | None = None, pcurves: bool = False) -> int:
     """Size in bytes that `export_step` will write, see `step_forecast` for its accuracy.
 
     Raises
     ------
     InvalidInputError
-        For an unknown form.
+        As for `export_step`.
     """
-    _require_known(form, "AP214")
+    form = _known_form(solid, form)
     if form == "assembly":
         parts = solid.assembly
         return forecast_bytes([part.solid for part in parts], [part.name for part in parts], True, pcurves)
@@ -92,14 +95,14 @@ def read_step_summary(path: str | Path) -> "StepSummary":
     return kernel_files.read_step_file(Path(path))
 
 
-def _fill_solid(document: "StepDocument", solid: TrussSolid) -> None:
+def _fill_solid(document: "StepDocument", solid: BuiltSolid) -> None:
     names = ["truss"] if len(solid.solids) == 1 else [f"truss {i + 1}" for i in range(len(solid.solids))]
     labels = [document.add_solid(one, name) for one, name in zip(solid.solids, names, strict=True)]
     for face, component, tag in zip(solid.faces, solid.face_component.tolist(), _face_tags(solid), strict=True):
         document.tag_face(labels[component], face, tag)
 
 
-def _fill_assembly(document: "StepDocument", solid: TrussSolid) -> None:
+def _fill_assembly(document: "StepDocument", solid: BuiltSolid) -> None:
     from michell_cad.cad.kernel_files import Tag
 
     whole = document.add_assembly("truss")
@@ -109,9 +112,9 @@ def _fill_assembly(document: "StepDocument", solid: TrussSolid) -> None:
         document.add_part(labels[part.group], part.solid, Tag(part.name, group_colour(part.group), part.group))
 
 
-def face_tags(solid: TrussSolid) -> list[tuple[str, tuple[float, float, float], str]]:
+def face_tags(solid: BuiltSolid) -> list[tuple[str, tuple[float, float, float], str]]:
     """Name, colour and layer of each face: of its curve, of its node, or of the kept solid that it belongs to."""
-    of_curve = [(curve.name, COLOURS[curve.family], curve.family) for curve in solid.prepared.sized.truss.curves]
+    of_curve = [(curve.name, COLOURS[curve.family], curve.family) for curve in solid.sized.truss.curves]
     of_kept = [(name, COLOURS[KEPT], KEPT) for name in solid.kept_names]
     tags = []
     for curve, role, owner in zip(
@@ -124,15 +127,23 @@ def face_tags(solid: TrussSolid) -> list[tuple[str, tuple[float, float, float], 
     return tags
 
 
-def _face_tags(solid: TrussSolid) -> "list[Tag]":
+def _face_tags(solid: BuiltSolid) -> "list[Tag]":
     from michell_cad.cad.kernel_files import Tag
 
     return [Tag(*tag) for tag in face_tags(solid)]
 
 
-def _require_known(form: str, schema: str) -> None:
+def _known_form(solid: BuiltSolid, form: str | None) -> str:
+    """The form that is meant."""
+    if form is None:
+        return "assembly" if isinstance(solid, SweptSolid) else "solid"
     require(form in FORMS, f"form must be one of {', '.join(FORMS)}, found {form!r}")
-    require(schema in SCHEMAS, f"schema must be one of {', '.join(SCHEMAS)}, found {schema!r}")
+    require(
+        form == "assembly" or not isinstance(solid, SweptSolid),
+        "STEP as one solid is for round members with spheres: for other profiles take the form 'assembly', which has a "
+        "solid for each curve and each node, or an STL or 3MF file, whose mesh is united",
+    )
+    return form
 
 
 def _require_space(path: Path, size: int) -> None:

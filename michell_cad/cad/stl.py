@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from michell_cad.arrays import require
-from michell_cad.cad.solid import TrussSolid
+from michell_cad.cad.built import BuiltSolid
 from michell_cad.files import path_with_suffix, writing
 
 HEADER = b"michell_cad, mm"
@@ -14,7 +14,7 @@ HEADER = b"michell_cad, mm"
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def export_stl(solid: TrussSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
+def export_stl(solid: BuiltSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
     """Write the mesh as binary STL, coordinates in mm; the file is there whole or not at all.
 
     Raises

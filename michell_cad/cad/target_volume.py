@@ -14,6 +14,7 @@ from scipy.optimize import root_scalar
 from michell_cad.arrays import require
 from michell_cad.cad.mesh import mesh_truss
 from michell_cad.cad.prepare import prepare_truss
+from michell_cad.cad.swept_solid import swept_volume
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.knobs import LARGEST_RADIUS_RATIO, Knobs
 from michell_cad.truss import SizedTruss
@@ -66,7 +67,8 @@ def resolve_radius(
         return member_volume(size(with_radius(radius)))
 
     def meshed(radius: float) -> float:
-        return mesh_truss(prepare_truss(size(with_radius(radius)), knobs)).volume
+        sized = size(with_radius(radius))
+        return swept_volume(sized, knobs) if knobs.swept else mesh_truss(prepare_truss(sized, knobs)).volume
 
     low = SMALLEST_RADIUS_RATIO * spacing
     high = largest_size(size, with_radius, low, LARGEST_RADIUS_RATIO * spacing)

@@ -1,7 +1,8 @@
 """3MF files: closed bodies for each family and for the nodes, as named and coloured objects of one truss.
 
 Source: 3MF Consortium, Core Specification 1.3 (namespace 2015/02). A 3MF object has to be closed, so tubes and nodes
-are closed by plane polygons where they touch (`mesh_groups.closed_bodies`).
+are closed by plane polygons where they touch (`mesh_groups.closed_bodies`). Swept profiles do not touch their nodes in
+plane polygons: their united mesh is one object, whose triangles have the colours.
 """
 
 import zipfile
@@ -14,10 +15,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from michell_cad.arrays import require
-from michell_cad.cad.mesh_groups import closed_bodies, own_vertices
-from michell_cad.cad.solid import TrussSolid
+from michell_cad.cad.built import BuiltSolid
+from michell_cad.cad.mesh_groups import closed_bodies, own_vertices, triangle_groups
+from michell_cad.cad.swept_solid import SweptSolid
 from michell_cad.files import path_with_suffix, writing
-from michell_cad.palette import group_colour
+from michell_cad.palette import GROUPS, group_colour
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 
@@ -42,9 +44,10 @@ _RELATIONS = (
 
 VERTEX = '<vertex x="%.7g" y="%.7g" z="%.7g"/>\n'
 TRIANGLE = '<triangle v1="%d" v2="%d" v3="%d"/>\n'
+COLOURED_TRIANGLE = '<triangle v1="%d" v2="%d" v3="%d" pid="1" p1="%d"/>\n'
 
 
-def export_3mf(solid: TrussSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
+def export_3mf(solid: BuiltSolid, path: str | Path, progress: Callable[[float], None] | None = None) -> None:
     """Write the mesh as 3MF, in mm; the file is there whole or not at all, and the same bytes for the same truss.
 
     Raises
@@ -57,22 +60,41 @@ def export_3mf(solid: TrussSolid, path: str | Path, progress: Callable[[float], 
         solid.mesh.is_watertight,
         f"a 3MF file needs a watertight mesh, this one has {len(solid.mesh.open_triangles)} triangles with open edges",
     )
-    bodies = closed_bodies(solid)
     with writing(path) as partial, model_file(partial, {"xmlns": CORE}) as file:
         file.write("<resources>\n")
-        write_materials(file, 1, list(bodies))
-        for k, (name, triangles) in enumerate(bodies.items()):
-            used, local = own_vertices(solid.mesh.vertices, triangles)
-            file.write(f'<object id="{k + 2}" type="model" name={quoteattr(name)} pid="1" pindex="{k}"><mesh>\n')
-            write_rows(file, "vertices", VERTEX, solid.mesh.vertices[used])
-            write_rows(file, "triangles", TRIANGLE, local)
-            file.write("</mesh></object>\n")
-            if progress is not None:
-                progress((k + 1) / len(bodies))
-        whole = len(bodies) + 2
-        parts = "".join(f'<component objectid="{k + 2}"/>' for k in range(len(bodies)))
-        file.write(f'<object id="{whole}" type="model" name="truss"><components>{parts}</components></object>\n')
+        whole = _write_coloured(file, solid) if isinstance(solid, SweptSolid) else _write_bodies(file, solid, progress)
         file.write(f'</resources>\n<build><item objectid="{whole}"/></build>\n')
+    if progress is not None:
+        progress(1.0)
+
+
+def _write_coloured(file: TextIOWrapper, solid: SweptSolid) -> int:
+    """Write the united mesh with a material for each triangle; returns its number."""
+    used, material = np.unique(triangle_groups(solid), return_inverse=True)
+    write_materials(file, 1, [GROUPS[group] for group in used.tolist()])
+    file.write('<object id="2" type="model" name="truss" pid="1" pindex="0"><mesh>\n')
+    write_rows(file, "vertices", VERTEX, solid.mesh.vertices)
+    write_rows(file, "triangles", COLOURED_TRIANGLE, np.column_stack([solid.mesh.triangles, material]))
+    file.write("</mesh></object>\n")
+    return 2
+
+
+def _write_bodies(file: TextIOWrapper, solid: BuiltSolid, progress: Callable[[float], None] | None) -> int:
+    """Write an object for each group and one that holds them; returns the number of that."""
+    bodies = closed_bodies(solid)
+    write_materials(file, 1, list(bodies))
+    for k, (name, triangles) in enumerate(bodies.items()):
+        used, local = own_vertices(solid.mesh.vertices, triangles)
+        file.write(f'<object id="{k + 2}" type="model" name={quoteattr(name)} pid="1" pindex="{k}"><mesh>\n')
+        write_rows(file, "vertices", VERTEX, solid.mesh.vertices[used])
+        write_rows(file, "triangles", TRIANGLE, local)
+        file.write("</mesh></object>\n")
+        if progress is not None:
+            progress((k + 1) / len(bodies))
+    whole = len(bodies) + 2
+    parts = "".join(f'<component objectid="{k + 2}"/>' for k in range(len(bodies)))
+    file.write(f'<object id="{whole}" type="model" name="truss"><components>{parts}</components></object>\n')
+    return whole
 
 
 @contextmanager

@@ -32,7 +32,8 @@ from michell_cad.cad.mesh import TrussMesh
 from michell_cad.cad.mesh_unite import surface_of, unite_mesh
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import LARGEST_VOLUME_DIFFERENCE, KeptReport, TrussSolid
+from michell_cad.cad.solid import LARGEST_VOLUME_DIFFERENCE, TrussSolid
+from michell_cad.cad.solid_report import KeptReport
 from michell_cad.cad.zone import Zone, components, lay_zone
 from michell_cad.errors import GeometryKernelError
 
@@ -436,7 +437,6 @@ def _assemble(
         kept=kept,
     )
     return TrussSolid(
-        solid.prepared,
         mesh,
         report,
         role,
@@ -444,6 +444,7 @@ def _assemble(
         number[component[faces]],
         tuple(solids),
         tuple(pieces.faces[f] for f in faces.tolist()),
+        solid.prepared,
     )
 
 

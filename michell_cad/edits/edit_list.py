@@ -37,6 +37,7 @@ from michell_cad.files import writing
 from michell_cad.knobs import Knobs
 from michell_cad.mistakes import explain_fields, suggestion
 from michell_cad.pipeline import Design
+from michell_cad.profile_source import with_profile_file
 
 VERSION = 1
 
@@ -137,7 +138,10 @@ def read_script(path: str | Path) -> EditScript:
     unknown = sorted(set(data) - {"version", "knobs", "edit"})
     require(not unknown, f"{path}: unknown key {', '.join(unknown)}; a script has version, [knobs] and [[edit]]")
     require(isinstance(data.get("edit", []), list), f"{path}: write [[edit]], with two brackets: there may be several")
-    return EditScript(data.get("knobs", {}), EditList.of(_located(data.get("edit", []), path.parent), str(path)))
+    knobs = data.get("knobs", {})
+    if isinstance(knobs, dict):
+        knobs = with_profile_file(knobs, path.parent)
+    return EditScript(knobs, EditList.of(_located(data.get("edit", []), path.parent), str(path)))
 
 
 def write_script(path: str | Path, edits: EditList, knobs: Mapping[str, Any] | None = None) -> None:
@@ -165,11 +169,11 @@ def change_knobs(knobs: Knobs, changes: Mapping[str, Any], name: str = "knobs") 
     """
     from michell_cad.knobs import SIZES
 
-    values = knobs.model_dump()
+    values, changes = knobs.model_dump(), with_profile_file(changes)
     if any(changes.get(size) is not None for size in SIZES):
         values |= dict.fromkeys(SIZES)
     try:
-        return Knobs.model_validate(values | dict(changes))
+        return Knobs.model_validate(values | changes)
     except ValidationError as error:
         raise InvalidInputError(explain_fields(error, Knobs, name)) from error
 

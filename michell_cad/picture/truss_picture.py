@@ -70,6 +70,7 @@ def render_truss(
     up: int = 2,
     size: tuple[int, int] = (1400, 1000),
     notes: Sequence[str] = (),
+    solids: Sequence[ShownMesh] = (),
     others: Sequence[ShownMesh] = (),
 ) -> None:
     """Draw a truss in the colours of its families inside the ghost of its part, as a PNG.
@@ -83,6 +84,7 @@ def render_truss(
     up : axis (0, 1, 2) that points up.
     size : width and height, pixels.
     notes : lines for the legend, below the families.
+    solids : drawn instead of round members and nodes, for trusses of another profile; the legend does not name them.
     others : what else to draw.
 
     Raises
@@ -96,8 +98,10 @@ def render_truss(
     surface = mesh.vertices[mesh.boundary_vertices]
     camera = place_camera(surface, (margin, margin, width - margin, height - margin), up)
     bars = Canvas(width, height)
-    _draw_members(bars, camera, sized, splines)
-    for number, other in enumerate(others, len(FAMILIES)):
+    if not solids:
+        _draw_members(bars, camera, sized, splines)
+    meshes = [*solids, *others]
+    for number, other in enumerate(meshes, len(FAMILIES)):
         corners = other.vertices[other.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -105,7 +109,7 @@ def render_truss(
         bars.draw_triangles(camera.project(corners), facing, np.full(len(corners), number))
     front, back, lines = _draw_ghost(mesh, camera, width, height)
 
-    palette = np.array([*(COLOURS[name] for name in FAMILIES), *(other.colour for other in others)])
+    palette = np.array([*(COLOURS[name] for name in FAMILIES), *(other.colour for other in meshes)])
     rgb, covered = shade_solid(bars, palette)
     behind = np.where(covered, 0, glass_opacity(back)).astype(np.float32)
     picture = blend(rgb, np.array(GHOST), 0.7 * behind)

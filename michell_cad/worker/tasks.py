@@ -13,7 +13,7 @@ from michell_cad.errors import InvalidInputError
 from michell_cad.worker import PROTOCOL
 
 if TYPE_CHECKING:
-    from michell_cad.cad import TrussSolid
+    from michell_cad.cad import BuiltSolid
     from michell_cad.design_file import Saved
     from michell_cad.knobs import Knobs
     from michell_cad.pipeline import Design
@@ -39,7 +39,7 @@ class Session:
     """
 
     designs: "dict[tuple, Saved]" = field(default_factory=dict)
-    solids: "dict[tuple, tuple[Knobs, TrussSolid]]" = field(default_factory=dict)
+    solids: "dict[tuple, tuple[Knobs, BuiltSolid]]" = field(default_factory=dict)
 
     def open(self, path: str) -> "tuple[tuple, Saved]":
         """Read a design file, or find it again: what identifies it, and what is in it."""
@@ -52,7 +52,7 @@ class Session:
             self.designs = {key: load_saved(file)}
         return key, self.designs[key]
 
-    def build(self, path: str, changes: Mapping[str, Any], progress: Progress) -> "tuple[Design, Knobs, TrussSolid]":
+    def build(self, path: str, changes: Mapping[str, Any], progress: Progress) -> "tuple[Design, Knobs, BuiltSolid]":
         """Build a design with changed knobs, or find the solid again: the design, the knobs as used, and the solid."""
         from michell_cad.building import build_united, size_finished
         from michell_cad.edits import change_knobs
@@ -155,7 +155,7 @@ def build(session: Session, values: Mapping[str, Any], progress: Progress) -> di
 
     request = _read(BuildRequest, values)
     design, knobs, solid = session.build(request.design, request.knobs, progress)
-    truss = solid.prepared.sized.truss
+    truss = solid.sized.truss
     with writing_folder(Path(request.folder)) as folder:
         export_brep(solid, folder / BREP_FILE)
         families = export_family_breps(solid, folder) if request.families else {}
@@ -168,7 +168,7 @@ def build(session: Session, values: Mapping[str, Any], progress: Progress) -> di
         "face_families": numbers.tolist(),
         "colours": {name: COLOURS[name] for name in names},
         "knobs": knobs.model_dump(mode="json"),
-        "radius_mm": float(solid.prepared.sized.radii.min()),
+        "radius_mm": float(solid.sized.radii.min()),
         "spacing_mm": truss.spacing,
         "mass_g": solid.report.volume_mm3 * design.problem.material.density,
         "messages": list(solid.report.messages),

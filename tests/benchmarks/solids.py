@@ -25,7 +25,7 @@ from michell_cad.cad import FORMATS, ExportOptions, export_solid, file_name, for
 from michell_cad.cad.mesh import mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.shell import assemble_shell
-from michell_cad.cad.solid import build_solid, mesh_bodies
+from michell_cad.cad.solid import build_solid
 from michell_cad.cad.step import export_step
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss
@@ -85,7 +85,7 @@ def mesh_alone(members: int) -> None:
     prepared = prepare_truss(grid_of(members), Knobs())
     n = len(prepared.sized.truss.members)
     seconds, mesh = timed(lambda: mesh_truss(prepared))
-    genus = mesh_bodies(mesh) - mesh.euler_number // 2  # type: ignore[attr-defined]
+    genus = mesh.bodies - mesh.euler_number // 2  # type: ignore[attr-defined]
     expected = n - len(prepared.sized.truss.nodes) + 1
     print(
         f"{n} members: {1e3 * seconds / n:.3f} ms each, {len(mesh.triangles) / n:.0f} triangles each, "  # type: ignore

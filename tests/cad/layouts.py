@@ -31,6 +31,31 @@ def star(directions, length=10.0, radius=1.0) -> SizedTruss:
     return SizedTruss(truss, radius)
 
 
+def curve_truss(points, radius=1.0, closed=False, entasis=0.0, kind=CurveKind.INTERIOR) -> SizedTruss:
+    """One curve through points, of one radius, thicker by the entasis in the middle of every member."""
+    X = np.array(points, float)
+    n = len(X)
+    steps = np.stack([np.arange(n), np.roll(np.arange(n), -1)], axis=1)[: n if closed else n - 1]
+    curve = Curve(kind, "tension", 0, (None, 1, 1), 0, np.arange(n), np.arange(len(steps)), closed)
+    return sized(Truss(X, np.zeros(n, int), np.sort(steps, axis=1), (curve,), 10.0), radius, entasis)
+
+
+def turned(truss: SizedTruss, R: np.ndarray) -> SizedTruss:
+    """The truss turned by a rotation matrix."""
+    t = truss.truss
+    moved = Truss(
+        t.nodes @ R.T,
+        t.node_kinds,
+        t.members,
+        t.curves,
+        t.spacing,
+        np.asarray(t.waypoints) @ R.T,
+        t.waypoint_offsets,
+        t.straight,
+    )
+    return SizedTruss(moved, truss.radii)
+
+
 def grid_truss(shape=(4, 3, 3), warp=0.15, spacing=10.0, missing=0.0, stride=1, seed=0) -> Truss:
     """A warped grid of three families of curves; a fraction of its curves is missing."""
     rng = np.random.default_rng(seed)

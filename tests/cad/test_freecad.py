@@ -19,7 +19,7 @@ import json, os, traceback
 try:
     import FreeCAD, Import, Part
     found = {}
-    for name in ("solid", "assembly"):
+    for name in ("solid", "assembly", "swept"):
         shape = Part.Shape()
         shape.read(os.path.join(FOLDER, name + ".step"))
         found[name] = [len(shape.Solids), shape.isValid(), shape.Volume]
@@ -37,13 +37,16 @@ os._exit(0)
 """
 
 
-def test_freecad_reads_both_forms(tmp_path, monkeypatch) -> None:
+def test_freecad_reads_both_forms_and_other_profiles(tmp_path, monkeypatch) -> None:
     program = shutil.which("freecadcmd") or shutil.which("FreeCADCmd")
     if program is None:
         pytest.skip("FreeCAD is not installed (freecadcmd)")
     solid = build_solid(sized(grid_truss((3, 3, 2), warp=0.1), 1.0, 0.3), Knobs())
     for form in ("solid", "assembly"):
         export_step(solid, tmp_path / f"{form}.step", form=form)
+    hulls = Knobs(profile="hexagon", profile_aspect=1.5, node_form="hull")
+    swept = build_solid(sized(grid_truss((3, 3, 2), warp=0.1), 1.0, 0.3), hulls)
+    export_step(swept, tmp_path / "swept.step")
     (tmp_path / "read.py").write_text(f"FOLDER = {str(tmp_path)!r}\n" + SCRIPT)
     monkeypatch.setenv("HOME", str(tmp_path))
     command = [program, str(tmp_path / "read.py")]
@@ -53,6 +56,7 @@ def test_freecad_reads_both_forms(tmp_path, monkeypatch) -> None:
     expected = {
         "solid": (1, solid.report.volume_mm3),
         "assembly": (len(solid.assembly), sum(kernel.volume(part.solid) for part in solid.assembly)),
+        "swept": (len(swept.assembly), sum(kernel.volume(part.solid) for part in swept.assembly)),
     }
     for name, (count, volume) in expected.items():
         assert found[name][:2] == [count, True]

@@ -9,7 +9,7 @@ import trimesh
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.solid import build_solid, mesh_bodies
+from michell_cad.cad.solid import build_solid
 from michell_cad.cad.sphere_mesh import lattice_points, match_volume, triangulate_sphere
 from michell_cad.cad.stl import export_stl
 from michell_cad.cad.threemf import export_3mf
@@ -26,7 +26,7 @@ def grid_mesh() -> TrussMesh:
 def test_grid_mesh_is_closed_and_has_the_genus_of_its_graph(grid_mesh) -> None:
     truss = grid_truss((4, 3, 3))
     assert grid_mesh.is_watertight
-    assert mesh_bodies(grid_mesh) == 1
+    assert grid_mesh.bodies == 1
     assert 1 - grid_mesh.euler_number / 2 == len(truss.members) - len(truss.nodes) + 1
     independent = trimesh.Trimesh(grid_mesh.vertices, grid_mesh.triangles, process=False)
     assert independent.is_watertight

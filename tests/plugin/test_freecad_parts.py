@@ -174,6 +174,7 @@ def test_a_job_is_written_with_its_part_or_not_at_all(tmp_path):
         Knobs(radius=1.2, entasis=-0.25, smallest_radius=0.4),
         Knobs(family=("tension", "compression"), every=(1, 3, 2), offset=(0, 2, 0)),
         Knobs(family="third", every=4, offset=1, volume_fraction=0.1),
+        Knobs(profile="hexagon", profile_aspect=2.0, node_form="hull"),
     ],
 )
 def test_knobs_go_through_the_properties_and_back(knobs):
@@ -184,6 +185,15 @@ def test_knobs_go_through_the_properties_and_back(knobs):
     for p in properties:
         assert p.bounds is None or p.bounds[0] <= values[p.name] <= p.bounds[1]
         assert not p.choices or values[p.name] in p.choices
+
+
+def test_an_outline_of_ones_own_stays_as_designed():
+    properties = properties_of(SCHEMA)
+    own = Knobs(profile=((0, 0), (3, 0), (0, 2)))
+    values = values_of(properties, own.model_dump(mode="json"))
+    assert values["Profile"] == "as designed"
+    assert "profile" not in knobs_of(properties, values.__getitem__)
+    assert knobs_of(properties, (values | {"Profile": "square"}).__getitem__)["profile"] == "square"
 
 
 def test_a_size_has_the_other_sizes_as_rivals():

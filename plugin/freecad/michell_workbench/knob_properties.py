@@ -9,6 +9,7 @@ a number                                  FloatConstraint with the bounds
 a whole number                            IntegerConstraint with the bounds
 ... that may be none                      the value 0 says so
 ... that may be one per family            three more IntegerConstraints: smallest value less one says "as above"
+a choice, or a table of one's own         Enumeration of the choices, and "as designed", which leaves it as it is
 ========================================  ==============================================================================
 """
 
@@ -22,6 +23,9 @@ FAMILIES = ("Tension", "Compression", "Third")
 """Endings of the properties of a knob that has one value per family, in the schema's order."""
 
 SEPARATOR = ", "
+AS_DESIGNED = "as designed"
+"""Stands for a value that a form has no place for, such as an outline of one's own: the design keeps it."""
+
 UNBOUNDED = 1e9
 """Bound of a number without one: a constraint needs both."""
 
@@ -91,7 +95,8 @@ def knobs_of(properties: list[KnobProperty], read: Callable[[str], Any]) -> dict
             each.setdefault(p.knob, []).append(knobs[p.knob] if value == p.unset else value)
         elif p.choices:
             names = value.split(SEPARATOR)
-            knobs[p.knob] = names[0] if len(names) == 1 else names
+            if value != AS_DESIGNED:
+                knobs[p.knob] = names[0] if len(names) == 1 else names
         else:
             knobs[p.knob] = None if p.unset is not None and value == p.unset else value
     for knob, values in each.items():
@@ -107,7 +112,8 @@ def values_of(properties: list[KnobProperty], knobs: Mapping[str, Any]) -> dict[
         value = knobs.get(p.knob)
         several = isinstance(value, list | tuple)
         if p.choices:
-            values[p.name] = SEPARATOR.join(value) if several else value or p.default
+            own = several and not all(isinstance(item, str) for item in value)
+            values[p.name] = AS_DESIGNED if own else SEPARATOR.join(value) if several else value or p.default
         elif p.family is not None:
             values[p.name] = value[p.family] if several else p.unset
         elif several:
@@ -131,6 +137,7 @@ def _choice(name: str, knob: str, forms: list[Any], default: str, note: str) -> 
     for form in forms:
         several = form.get("items", {}).get("enum", [])
         choices += [SEPARATOR.join(some) for n in range(2, len(several)) for some in combinations(several, n)]
+        choices += [AS_DESIGNED] * (form.get("type") == "array" and not several)
     return KnobProperty(name, knob, "App::PropertyEnumeration", default, choices=tuple(choices), help=note)
 
 

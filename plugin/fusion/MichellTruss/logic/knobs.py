@@ -132,7 +132,7 @@ def _knob(name: str, entry: dict[str, Any]) -> Knob:
         widget = Widget.OPTIONAL_NUMBER
     elif types == {"number"} or types == {"integer"} or types == {"boolean"}:
         widget = {"number": Widget.NUMBER, "integer": Widget.WHOLE, "boolean": Widget.FLAG}[options[0]["type"]]
-    elif types == {"string"} and choices:
+    elif types <= {"string", "array"} and choices:  # an outline of one's own comes from a job file only
         widget = Widget.CHOICE
     else:
         raise LayoutError(f"knobs.json asks for a knob '{name}' that this add-in cannot show: update the add-in.")
