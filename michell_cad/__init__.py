@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from michell_cad.picture import render_truss
     from michell_cad.pipeline import Design, DesignOptions, design
     from michell_cad.problem import DesignProblem, LoadCase, Material
+    from michell_cad.scripting.build123d_objects import MichellTruss, SavedTruss
+    from michell_cad.scripting.cadquery_plugin import michell_truss, saved_truss
     from michell_cad.tet_mesh import TetMesh
     from michell_cad.truss import SizedTruss, Truss
 
@@ -56,7 +58,9 @@ _HOME = {
     "LoadCase": "problem",
     "Material": "problem",
     "MichellError": "errors",
+    "MichellTruss": "scripting.build123d_objects",
     "Part": "domain",
+    "SavedTruss": "scripting.build123d_objects",
     "SizedTruss": "truss",
     "Structure": "edits",
     "TetMesh": "tet_mesh",
@@ -84,6 +88,7 @@ _HOME = {
     "kept_shape": "cad",
     "load_design": "design_file",
     "load_edits": "design_file",
+    "michell_truss": "scripting.cadquery_plugin",
     "open_structure": "design_file",
     "part_from_cad": "domain",
     "read_job": "job",
@@ -92,6 +97,7 @@ _HOME = {
     "render_truss": "picture",
     "resolve_radius": "cad",
     "save_design": "design_file",
+    "saved_truss": "scripting.cadquery_plugin",
     "size_structure": "edits",
     "unite": "cad",
     "write_script": "edits",
@@ -112,7 +118,9 @@ __all__ = [
     "LoadCase",
     "Material",
     "MichellError",
+    "MichellTruss",
     "Part",
+    "SavedTruss",
     "SizedTruss",
     "Structure",
     "TetMesh",
@@ -140,6 +148,7 @@ __all__ = [
     "kept_shape",
     "load_design",
     "load_edits",
+    "michell_truss",
     "open_structure",
     "part_from_cad",
     "read_job",
@@ -148,6 +157,7 @@ __all__ = [
     "render_truss",
     "resolve_radius",
     "save_design",
+    "saved_truss",
     "size_structure",
     "unite",
     "write_script",
