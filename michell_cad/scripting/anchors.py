@@ -64,7 +64,7 @@ def anchors_of_problem(problem: DesignProblem) -> tuple[Anchor, ...]:
     """
     mesh = problem.mesh
     surface = Surface(mesh.vertices, mesh.boundary_triangles, np.zeros(len(mesh.boundary_triangles), np.int64))
-    masks: list[tuple[str, np.ndarray]] = [("support 1", problem.fixed.any(1))]
+    masks = [("support 1", np.asarray(problem.fixed.any(1)))]
     masks += [(f"load {n}", np.any(case.force != 0, axis=1)) for n, case in enumerate(problem.load_cases, 1)]
     whole = [(name, np.flatnonzero(mask[surface.triangles].all(1))) for name, mask in masks if not mask.all()]
     return _anchors(surface, whole)
