@@ -5,6 +5,6 @@ Pictures are the same from run to run.
 """
 
 from michell_cad.picture.part_picture import Arrow, face_colours, render_part
-from michell_cad.picture.truss_picture import FAMILY_COLOURS, ShownMesh, render_truss
+from michell_cad.picture.truss_picture import ShownMesh, render_truss
 
-__all__ = ["FAMILY_COLOURS", "Arrow", "ShownMesh", "face_colours", "render_part", "render_truss"]
+__all__ = ["Arrow", "ShownMesh", "face_colours", "render_part", "render_truss"]
