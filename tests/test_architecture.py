@@ -113,7 +113,17 @@ def test_only_scripting_and_the_kernel_files_know_cad_programs_and_nothing_stand
 
 
 def test_every_module_is_filed():
-    known = {*NUMERICS, *OUTSIDE, "__init__", "design_file", "files", "palette", "job_values", "truss_json", "materials"}
+    known = {
+        *NUMERICS,
+        *OUTSIDE,
+        "__init__",
+        "design_file",
+        "files",
+        "palette",
+        "job_values",
+        "truss_json",
+        "materials",
+    }
     assert {stage_of(file) for file in modules()} <= known
 
 

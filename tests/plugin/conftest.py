@@ -2,7 +2,7 @@
 
 from hosts import EXERCISED
 
-collect_ignore_glob = ["freecad_*.py"]
+collect_ignore_glob = ["freecad_*.py", "cq_editor_*.py"]
 """Scripts for a host: only its own Python can import them."""
 
 

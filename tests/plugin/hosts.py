@@ -4,8 +4,10 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -35,6 +37,29 @@ def freecad_home(folder: Path) -> dict[str, str]:
     python.chmod(0o755)
     kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV", "XDG_DATA_HOME")}
     return kept | {"HOME": str(home), "MICHELL_CAD_PYTHON": str(python), "QTWEBENGINE_DISABLE_SANDBOX": "1"}
+
+
+def need_screen() -> None:
+    """Skip, saying what is missing, where no screen can be made and photographed."""
+    for tool, package in (("xvfb-run", "xvfb"), ("import", "imagemagick")):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed (Debian: apt-get install {package})")
+
+
+def run_on_screen(
+    command: Sequence[str], environment: Mapping[str, str], limit: float = LIMIT
+) -> subprocess.CompletedProcess[str]:
+    """Run a program with a window, on a screen that nobody sees (Xvfb)."""
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24"]
+    return subprocess.run(
+        [*screen, *command], env=environment, capture_output=True, text=True, timeout=limit, check=False
+    )
+
+
+def alike(picture: np.ndarray, colour: Sequence[float]) -> int:
+    """How many pixels (n, 3) have the hue of a colour: a lit surface has it at another brightness."""
+    wanted, length = np.array(colour) / np.linalg.norm(colour), np.linalg.norm(picture, axis=1)
+    return int(((picture @ wanted > 0.995 * length) & (length > 60)).sum())
 
 
 def run_freecad(script: Path, environment: dict[str, str], **values: str) -> subprocess.CompletedProcess[str]:
