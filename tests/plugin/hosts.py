@@ -65,9 +65,10 @@ def alike(picture: np.ndarray, colour: Sequence[float]) -> int:
 def run_freecad(script: Path, environment: dict[str, str], **values: str) -> subprocess.CompletedProcess[str]:
     """Run a script in FreeCAD without a window."""
     program = find_freecad()
+    shared = {"PYTHONPATH": str(script.parent)}  # steps that scripts share; the worker does not see it
     done = subprocess.run(
         [program, str(script)],
-        env=environment | values,
+        env=environment | shared | values,
         capture_output=True,
         text=True,
         timeout=LIMIT,
