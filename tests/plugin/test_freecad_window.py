@@ -61,3 +61,11 @@ def test_the_screen_shows_three_families(window):
     pixels = window[1].reshape(-1, 3)
     for name in FAMILY_ORDER:
         assert alike(pixels, COLOURS[name]) > 500, name
+
+
+def test_the_form_speaks_german(window):
+    german = window[0]["german"]
+    assert german["buttons"] == ["Fachwerk berechnen", "Abbrechen", "Auftragsdatei speichern..."]
+    assert german["title"] == "Michell-Fachwerk"
+    assert german["body"] == "Körper: Bar"
+    assert german["message"].startswith("Abgebrochen.")
