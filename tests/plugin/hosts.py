@@ -11,11 +11,20 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-EXERCISED: list[str] = []
-"""Hosts that were really run, for the end of the test run to say so."""
+HOSTS = ("FreeCAD without a window", "FreeCAD with a window", "CQ-editor", "build123d", "CadQuery", "Fusion (a fake)")
+"""Whose tests there are; Fusion itself runs nowhere here, a recording fake stands for it."""
+
+EXERCISED: dict[str, str] = {}
+"""Hosts that were really run, with their versions, for the end of the test run to say so."""
 
 LIMIT = 900
 """Seconds that a host may take for a script."""
+
+
+def exercised(host: str, version: str = "") -> None:
+    """Note that a host was really run."""
+    assert host in HOSTS, host
+    EXERCISED[host] = version
 
 
 def find_freecad(program: str = "freecadcmd") -> str:
@@ -76,6 +85,5 @@ def run_freecad(script: Path, environment: dict[str, str], **values: str) -> sub
         stdin=subprocess.DEVNULL,
     )
     told = next((line for line in done.stdout.splitlines() if line.startswith("FreeCAD ")), "FreeCAD")
-    if told not in EXERCISED:
-        EXERCISED.append(told)
+    exercised("FreeCAD without a window", told)
     return done

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from cadquery import Assembly, cqgi
 from designs import small_bar
-from hosts import EXERCISED, ROOT, alike, need_screen, run_on_screen
+from hosts import ROOT, alike, exercised, need_screen, run_on_screen
 from PIL import Image
 
 from michell_cad.building import build_united, size_finished
@@ -49,7 +50,7 @@ def window(folder) -> tuple[dict, np.ndarray]:
     assert (folder / "cq_editor.json").is_file(), done.stdout[-2000:] + done.stderr[-2000:]
     found = json.loads((folder / "cq_editor.json").read_text())
     assert done.returncode == 0, found.get("error")
-    EXERCISED.append("CQ-editor")
+    exercised("CQ-editor", version("CQ-editor"))
     return found, np.asarray(Image.open(folder / "cq_editor.png").convert("RGB")).astype(int)
 
 

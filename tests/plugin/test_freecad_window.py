@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hosts import EXERCISED, alike, find_freecad, freecad_home, need_screen, run_on_screen
+from hosts import alike, exercised, find_freecad, freecad_home, need_screen, run_on_screen
 from PIL import Image
 
 from michell_cad.knobs import FAMILY_ORDER
@@ -21,7 +21,7 @@ def window(tmp_path_factory) -> tuple[dict, np.ndarray]:
     need_screen()
     environment = freecad_home(folder) | {"WALK_FOLDER": str(folder)}
     done = run_on_screen([program, str(HERE / "freecad_window.py")], environment)
-    EXERCISED.append("FreeCAD with a window")
+    exercised("FreeCAD with a window")
     assert (folder / "window.json").is_file(), done.stdout[-2000:] + done.stderr[-2000:]
     found = json.loads((folder / "window.json").read_text())
     assert done.returncode == 0, found.get("error")

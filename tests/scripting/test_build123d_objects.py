@@ -5,6 +5,7 @@ import copy
 import build123d as bd
 import numpy as np
 import pytest
+from hosts import exercised
 
 from michell_cad.cad import COLOURS
 from michell_cad.design_file import load_saved
@@ -28,7 +29,9 @@ def part() -> bd.Part:
 
 @pytest.fixture(scope="module")
 def truss(part, bar) -> MichellTruss:
-    return MichellTruss(part, **bar, **FEW)
+    made = MichellTruss(part, **bar, **FEW)
+    exercised("build123d", bd.__version__)
+    return made
 
 
 def test_it_is_the_packages_solid_as_a_valid_part(truss):

@@ -4,6 +4,7 @@ import inspect
 
 import cadquery as cq
 import pytest
+from hosts import exercised
 
 import michell_cad
 from michell_cad.delivery import design_outline
@@ -23,7 +24,9 @@ def box() -> cq.Workplane:
 
 @pytest.fixture(scope="module")
 def truss(box, bar) -> cq.Workplane:
-    return box.faces("<X").tag("wall").end().invoke(michell_truss(**bar, **FEW))
+    made = box.faces("<X").tag("wall").end().invoke(michell_truss(**bar, **FEW))
+    exercised("CadQuery", cq.__version__)
+    return made
 
 
 def test_invoke_puts_the_truss_on_the_stack_and_the_chain_goes_on(truss, box, bar):
