@@ -29,6 +29,7 @@ def main() -> None:
     shutil.copy(truss.DesignFile, FOLDER / "design.npz")
     found["turns"] = [turn(document, truss, changes, f"turn{k}.brep") for k, changes in enumerate(TURNS)]
     found["turned_back"] = cancel_a_turn(document, truss)
+    found["died_in_a_turn"] = kill_in_a_turn(document, truss)
     found["expression"] = drive_by_spreadsheet(document, truss)
     export(truss)
     found["body_statuses"] = edit_and_delete_body(document, truss)
@@ -96,6 +97,26 @@ def cancel_a_turn(document, truss):
     finally:
         trusses._Bar.wanted = original
     return {"before": before, "after": state(truss)}
+
+
+def kill_in_a_turn(document, truss):
+    """What the truss says when the worker is killed while it rebuilds it, and after another try."""
+    from michell_workbench import session, trusses
+
+    before, original = state(truss), trusses._Bar.show
+    trusses._Bar.show = lambda self, stage, fraction: os.killpg(session.worker()._process.pid, signal.SIGKILL)
+    try:
+        truss.FilletRatio = 0.2
+        document.recompute()
+    finally:
+        trusses._Bar.show = original
+    after = state(truss)
+    truss.touch()
+    document.recompute()
+    again = state(truss)
+    truss.FilletRatio = 0.4
+    document.recompute()
+    return {"before": before, "after": after, "again": again}
 
 
 def drive_by_spreadsheet(document, truss):

@@ -151,6 +151,17 @@ def test_a_cancelled_turn_gives_the_knobs_back(walk):
     assert after["state"] == ["Up-to-date"]
 
 
+def test_a_worker_that_dies_in_a_turn_leaves_the_shape_and_the_next_try_works(walk):
+    before, after, again = (walk["died_in_a_turn"][key] for key in ("before", "after", "again"))
+    assert "stopped unexpectedly" in after["status"]
+    assert "Try again" in after["status"]
+    assert "Invalid" in after["state"]
+    assert after["volume"] == before["volume"]
+    assert again["state"] == ["Up-to-date"]
+    assert again["knobs"]["fillet_ratio"] == 0.2
+    assert again["volume"] != before["volume"]
+
+
 def test_without_michell_cad_it_says_how_to_install(walk):
     for kind, text in walk["missing"]:
         assert kind == "missing"

@@ -132,6 +132,10 @@ Das Fachwerk öffnen (Doppelklick), die Flächen neu wählen und berechnen.</tra
       <translation>Der Entwurf dieses Fachwerks ist nicht im Dokument (er wird beim Speichern in der .FCStd-Datei abgelegt). Doppelklick auf das Fachwerk, und neu berechnen.</translation>
     </message>
     <message>
+      <source>This truss was saved by a newer add-in (version {found}; this one reads up to {known}). Its shape stays as it is. To change it, install a newer michell_cad and run: michell-cad plugin install freecad</source>
+      <translation>Dieses Fachwerk wurde von einem neueren Zusatz gespeichert (Fassung {found}; dieser liest bis {known}). Seine Form bleibt, wie sie ist. Um es zu ändern, ein neueres michell_cad installieren und ausführen: michell-cad plugin install freecad</translation>
+    </message>
+    <message>
       <source>The document {name} has not been saved yet. Save it to keep the truss: its design is stored inside the document, so that the knobs work without computing again.</source>
       <translation>Das Dokument {name} ist noch nicht gespeichert. Speichern, um das Fachwerk zu behalten: Sein Entwurf liegt im Dokument, damit die Regler ohne neue Berechnung wirken.</translation>
     </message>
