@@ -5,7 +5,7 @@ from shapes import box_mesh
 
 from michell_cad.errors import InvalidInputError
 from michell_cad.isocurves import trace_isocurves
-from michell_cad.knobs import Knobs, apply_knobs, entasis_weights
+from michell_cad.knobs import Knobs, apply_knobs, describe_knob, entasis_weights
 from michell_cad.truss import CurveKind, Truss, build_truss, member_radius
 
 
@@ -99,3 +99,9 @@ def test_nothing_left_is_refused(grid):
 def test_bad_knobs_are_refused(values):
     with pytest.raises(ValidationError):
         Knobs(**values)
+
+
+def test_one_line_says_what_the_schema_knows():
+    assert describe_knob("radius") == "Radius of the members; default: 0.08 of the cell edge. [mm; above 0]"
+    assert describe_knob("entasis").endswith("of each curve. [from -0.5 to 2]")
+    assert describe_knob("family").endswith("[all, tension, compression, third]")

@@ -54,6 +54,13 @@ def test_it_comes_back_from_a_step_file(truss, tmp_path):
     assert len(back.solids()) == third.report.solids
     assert back.volume == pytest.approx(third.volume, rel=SAME)
     assert tuple(back.center()) == pytest.approx(tuple(third.center()), abs=1e-3)
+    bd.export_step(third.families, str(tmp_path / "families.step"))
+    for group, again in zip(
+        third.families.children, bd.import_step(str(tmp_path / "families.step")).children, strict=True
+    ):
+        assert again.label == group.label
+        assert len(again.faces()) == len(group.faces())
+        assert tuple(again.color)[:3] == pytest.approx(tuple(group.color)[:3], abs=1e-3)
 
 
 def test_moves_and_copies_compute_nothing(truss, no_stage, monkeypatch):
