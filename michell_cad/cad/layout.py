@@ -192,12 +192,15 @@ def shake(layout: Layout, times: np.ndarray) -> None:
     Their spheres grow a bit; from the second time on their members are also turned a little and their fillets smaller,
     and at last the members are straight.
     """
-    layout.shakes = times
-    layout.growth = np.maximum(layout.growth, SHAKE**times)
-    layout.nudges, layout.level = times // 2, np.minimum(times // 2, layout.last)
-    straight = np.flatnonzero((times[layout.sized.truss.members] >= STRAIGHTENED).any(1))
+    members = layout.sized.truss.members
+    nodes, layout.shakes = np.flatnonzero(times > layout.shakes), times
+    layout.growth[nodes] = np.maximum(layout.growth[nodes], SHAKE ** times[nodes])
+    layout.nudges[nodes], layout.level[nodes] = times[nodes] // 2, np.minimum(times[nodes] // 2, layout.last)
+    straight = (times[members] >= STRAIGHTENED).any(1) & (layout.smoothed < len(SMOOTHINGS))
     layout.smoothed[straight] = len(SMOOTHINGS)
     layout.points[straight] = smooth_curves(layout.design.points[straight], layout.smoothed[straight])
+    layout.stale[nodes] = True
+    layout.stale[members[straight]] = True
 
 
 def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:
