@@ -92,7 +92,6 @@ def test_families_colour_every_face(walk):
 
 def test_the_document_opens_as_it_was_saved(walk):
     saved, reopened = walk["turns"][-1], walk["reopened"]["as_saved"]
-    assert reopened["workers"] == 0
     assert reopened["knobs"] == saved["knobs"]
     assert reopened["volume"] == pytest.approx(saved["volume"], rel=1e-9)
     assert reopened["state"] == ["Up-to-date"]
