@@ -27,10 +27,11 @@ from build123d import (
 )
 
 from michell_cad.arrays import require
-from michell_cad.cad import COLOURS, SolidReport, kernel
+from michell_cad.cad import SolidReport, kernel
 from michell_cad.cad.brep import face_families
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
+from michell_cad.palette import COLOURS
 from michell_cad.pipeline import Design
 from michell_cad.scripting.finished import Finished, design_shape, open_finished, shows_knobs
 from michell_cad.truss import Truss

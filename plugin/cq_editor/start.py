@@ -1,7 +1,7 @@
 """Start CQ-editor with the settings that trusses need: `python start.py [SCRIPT]`.
 
 * Modules stay loaded between two runs of a script. CQ-editor unloads them, and NumPy refuses to be loaded again.
-* Curved faces are shown with fewer triangles. With CQ-editor's own settings a truss takes half a minute and more.
+* Curved faces are shown with fewer triangles. With CQ-editor's own settings a truss takes minutes.
 
 CQ-editor remembers settings when it is closed; they are under Edit > Preferences, Debugger and 3D Viewer.
 """

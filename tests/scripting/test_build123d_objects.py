@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from hosts import exercised
 
-from michell_cad.cad import COLOURS
 from michell_cad.design_file import load_saved
 from michell_cad.errors import InvalidInputError
+from michell_cad.palette import COLOURS
 from michell_cad.scripting.build123d_objects import FinishedTruss, MichellTruss, SavedTruss
 
 SAME = 1e-4
