@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from michell_cad.arrays import require
 from michell_cad.building import build_united, size_finished
 from michell_cad.cad import TrussSolid, build_solid
 from michell_cad.delivery import design_outline
 from michell_cad.design_file import DEFAULT_UP, Saved, load_saved, save_design
 from michell_cad.domain.cad_part import outline_from_shape
 from michell_cad.edits import NO_EDITS, change_knobs
+from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs, apply_knobs
 from michell_cad.pipeline import Design
 from michell_cad.scripting.anchors import Anchor, anchors_of_problem, anchors_of_setup
@@ -59,9 +59,9 @@ class Finished:
         InvalidInputError
             If the truss was given without its design, or the file cannot be written.
         """
-        require(isinstance(self.source, Saved), f"{path}: a truss without its design cannot be saved as a design")
         saved = self.source
-        assert isinstance(saved, Saved)
+        if not isinstance(saved, Saved):
+            raise InvalidInputError(f"{path}: a truss that was given without its design cannot be saved as one")
         save_design(path, saved.design, self.knobs, saved.edits, saved.up, saved.kept, saved.sizing)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Finished":
