@@ -66,7 +66,7 @@ def make(document, body, truss=None, **options):
     bolts, eye = (tuple(describe_face(shape, name) for name in holes(body, radius)) for radius in (BOLT, EYE))
     setup = Setup(
         (Support(bolts),),
-        (Load(eye, "force", (0.0, 300.0, 400.0)),),
+        (Load(eye, "force", (0.0, 30.0, 40.0)),),
         surface_kinds(shape),
         spacing=20.0,
         mesh_size=10.0,
