@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from michell_cad.picture import render_truss
     from michell_cad.pipeline import Design, DesignOptions, design
     from michell_cad.problem import DesignProblem, LoadCase, Material
+    from michell_cad.scripting.build123d_objects import MichellTruss, SavedTruss
+    from michell_cad.scripting.cadquery_plugin import michell_truss, saved_truss
     from michell_cad.tet_mesh import TetMesh
     from michell_cad.truss import SizedTruss, Truss
 
@@ -61,7 +63,9 @@ _HOME = {
     "LoadCase": "problem",
     "Material": "problem",
     "MichellError": "errors",
+    "MichellTruss": "scripting.build123d_objects",
     "Part": "domain",
+    "SavedTruss": "scripting.build123d_objects",
     "SizedTruss": "truss",
     "Structure": "edits",
     "SweptSolid": "cad",
@@ -90,6 +94,7 @@ _HOME = {
     "kept_shape": "cad",
     "load_design": "design_file",
     "load_edits": "design_file",
+    "michell_truss": "scripting.cadquery_plugin",
     "open_structure": "design_file",
     "part_from_cad": "domain",
     "profile_from_cad": "cad",
@@ -100,6 +105,7 @@ _HOME = {
     "render_truss": "picture",
     "resolve_radius": "cad",
     "save_design": "design_file",
+    "saved_truss": "scripting.cadquery_plugin",
     "size_structure": "edits",
     "unite": "cad",
     "write_script": "edits",
@@ -121,7 +127,9 @@ __all__ = [
     "LoadCase",
     "Material",
     "MichellError",
+    "MichellTruss",
     "Part",
+    "SavedTruss",
     "SizedTruss",
     "Structure",
     "SweptSolid",
@@ -150,6 +158,7 @@ __all__ = [
     "kept_shape",
     "load_design",
     "load_edits",
+    "michell_truss",
     "open_structure",
     "part_from_cad",
     "profile_from_cad",
@@ -160,6 +169,7 @@ __all__ = [
     "render_truss",
     "resolve_radius",
     "save_design",
+    "saved_truss",
     "size_structure",
     "unite",
     "write_script",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from michell_cad.errors import InvalidInputError
-from michell_cad.knobs import Knobs
+from michell_cad.knobs import Knobs, knob_bounds, knob_choices
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -46,22 +46,12 @@ def print_knobs(console: "Console") -> None:
     from rich.table import Table
 
     table = Table("knob", "unit", "default", "bounds", "meaning")
-    for name, schema in Knobs.model_json_schema()["properties"].items():
-        bounds = [schema, *schema.get("anyOf", [])]
-        low = _first(bounds, (("minimum", "from {}"), ("exclusiveMinimum", "above {}")))
-        high = _first(bounds, (("maximum", "to {}"), ("exclusiveMaximum", "below {}")))
-        default = schema.get("default")
+    for name, field in Knobs.model_json_schema()["properties"].items():
+        bounds = ", ".join(knob_choices(field)) or " ".join(knob_bounds(field)).strip()
+        default = field.get("default")
         shown = "" if default is None else str(default)
-        table.add_row(name, schema.get("unit", ""), shown, f"{low} {high}".strip(), schema.get("description", ""))
+        table.add_row(name, field.get("unit", ""), shown, bounds, field.get("description", ""))
     console.print(table)
-
-
-def _first(schemas: list[dict[str, Any]], names: tuple[tuple[str, str], ...]) -> str:
-    for schema in schemas:
-        for name, text in names:
-            if name in schema:
-                return text.format(f"{schema[name]:g}")
-    return ""
 
 
 def _split(text: str, shown: str) -> tuple[str, str]:

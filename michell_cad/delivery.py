@@ -37,7 +37,7 @@ from michell_cad.edits import (
 )
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_folder
-from michell_cad.job import Job, Setup, build_problem, read_job
+from michell_cad.job import Setup, build_problem, read_job
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
 from michell_cad.palette import group_colour
@@ -84,20 +84,11 @@ def deliver_job(
     job, cache = read_job(job_file), cache or StageCache.usual()
     require_place(folder, force)
     times: list[StageTime] = []
-    with _timed("mesh", times, progress):
-        part = _read_part(job, cache)
-    structure = _design_structure(job, part, cache, progress)
-    times.extend(structure.design.times)
-    with writing_folder(folder) as partial:
-        report = write_results(partial, structure, NO_EDITS, job.output, part.outline.up, times, progress)
-    return report
-
-
-def _read_part(job: Job, cache: StageCache) -> Part:
-    """The part of a job; meshing it is a stage like others."""
     outline = read_outline(job.part.file, job.part.units)
-    inputs = (outline.surface, outline.mesh, job.mesh.size)
-    return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, job.mesh.size).mesh))
+    structure = design_outline(outline, job, progress, cache, times)
+    with writing_folder(folder) as partial:
+        report = write_results(partial, structure, NO_EDITS, job.output, outline.up, times, progress)
+    return report
 
 
 def design_structure(job_file: str | Path, progress: Progress = lambda stage, fraction: None) -> tuple[Structure, int]:
@@ -105,16 +96,46 @@ def design_structure(job_file: str | Path, progress: Progress = lambda stage, fr
 
     Errors as for `deliver_job`.
     """
-    job, cache = read_job(job_file), StageCache.usual()
-    with _timed("mesh", [], progress):
-        part = _read_part(job, cache)
-    return _design_structure(job, part, cache, progress), part.outline.up
+    job = read_job(job_file)
+    outline = read_outline(job.part.file, job.part.units)
+    return design_outline(outline, job, progress), outline.up
 
 
-def _design_structure(job: Job, part: Part, cache: StageCache, progress: Progress) -> Structure:
-    kept = kept_materials(job, part)
-    result = design(build_problem(job, part), design_options(job), progress, cache)
-    return replace(NO_EDITS.replay(result, job.knobs), kept=kept, sizing=job.sizing.options)
+def design_outline(
+    outline: Outline,
+    setup: Setup,
+    progress: Progress = lambda stage, fraction: None,
+    cache: StageCache | None = None,
+    times: list[StageTime] | None = None,
+) -> Structure:
+    """Mesh a part and design its truss, as a job says that may come from anywhere.
+
+    Parameters
+    ----------
+    outline : the part.
+    setup : the job.
+    progress : called with the name of a stage and the finished fraction of it.
+    cache : see `deliver_job`.
+    times : of the stages; theirs are added.
+
+    Raises
+    ------
+    InvalidInputError, ConvergenceError, GeometryKernelError
+        As `deliver_job`.
+    """
+    cache, times = cache or StageCache.usual(), [] if times is None else times
+    with _timed("mesh", times, progress):
+        part = _mesh_part(outline, setup, cache)
+    kept = kept_materials(setup, part)
+    result = design(build_problem(setup, part), design_options(setup), progress, cache)
+    times.extend(result.times)
+    return replace(NO_EDITS.replay(result, setup.knobs), kept=kept, sizing=setup.sizing.options)
+
+
+def _mesh_part(outline: Outline, setup: Setup, cache: StageCache) -> Part:
+    """Fill a part with tets, which is a stage like others."""
+    inputs = (outline.surface, outline.mesh, setup.mesh.size)
+    return Part(outline, cache.keep("mesh", TetMesh, inputs, lambda: mesh_outline(outline, setup.mesh.size).mesh))
 
 
 def design_job(job_file: str | Path, options: DesignOptions | None = None, cache: StageCache | None = None) -> Design:
@@ -127,10 +148,11 @@ def design_job(job_file: str | Path, options: DesignOptions | None = None, cache
     cache : see `deliver_job`.
     """
     job, cache = read_job(job_file), cache or StageCache.usual()
-    return design(build_problem(job, _read_part(job, cache)), options or design_options(job), cache=cache)
+    part = _mesh_part(read_outline(job.part.file, job.part.units), job, cache)
+    return design(build_problem(job, part), options or design_options(job), cache=cache)
 
 
-def design_options(job: Job) -> DesignOptions:
+def design_options(job: Setup) -> DesignOptions:
     """The options of the stages that a job states."""
     return DesignOptions(
         resolution=job.options.resolution,

@@ -4,6 +4,7 @@ Applying knobs never touches what lies upstream (stress, parametrization, isocur
 truss and returns the chosen part of it with a radius for every member.
 """
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -101,7 +102,7 @@ class Knobs(BaseModel):
 
     profile: ProfileName | tuple[Row, ...] = Field(
         default="round",
-        description="Cross-section of the members, of the area of the circle of the radius; or the points [x, y] of an "
+        description="Cross-section of the members, of the area of the circle of the radius; or the points (x, y) of an "
         "outline of one's own, as read from a .dxf, .svg, .step or .brep file if the name of one is given.",
     )
     profile_aspect: float = Field(
@@ -279,3 +280,26 @@ def arc_fractions(truss: Truss) -> Float[np.ndarray, "n_m 3"]:
 
 def _per_family(value: int | tuple[int, int, int]) -> tuple[int, int, int]:
     return value if isinstance(value, tuple) else (value, value, value)
+
+
+def describe_knob(name: str) -> str:
+    """A knob in one line, from the schema: what it does, and in brackets its unit, choices and bounds."""
+    field = Knobs.model_json_schema()["properties"][name]
+    unit, choices, bounds = field.get("unit", "1"), ", ".join(knob_choices(field)), " ".join(knob_bounds(field)).strip()
+    limits = [text for text in ("" if unit == "1" else unit, choices, bounds) if text]
+    return field["description"] + (f" [{'; '.join(limits)}]" if limits else "")
+
+
+def knob_bounds(field: Mapping[str, Any]) -> tuple[str, str]:
+    """The bounds that a knob's entry in the schema states, as text, such as "above 0" and "to 4"; empty: none."""
+    words = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
+    forms = [field, *field.get("anyOf", [])]
+    found = [(key, f"{word} {form[key]:g}") for key, word in words.items() for form in forms if key in form]
+    low, high = (next((text for key, text in found if end in key.lower()), "") for end in ("minimum", "maximum"))
+    return low, high
+
+
+def knob_choices(field: Mapping[str, Any]) -> list[str]:
+    """The texts of which a knob's entry in the schema takes one; none for a number."""
+    forms = [field, *field.get("anyOf", [])]
+    return [value for form in forms for value in form.get("enum", [form["const"]] if "const" in form else [])]

@@ -59,6 +59,7 @@ OUTSIDE = (
     "picture",
     "plugins",
     "profile_source",
+    "scripting",
     "selection",
     "sizing_section",
     "worker",
@@ -103,6 +104,15 @@ def test_only_the_kernel_files_touch_the_kernel():
 def test_nothing_imports_plugins():
     for file in modules():
         assert not any(name.split(".")[0] == "plugin" for name in imports(file))
+
+
+def test_only_scripting_and_the_kernel_files_know_cad_programs_and_nothing_stands_on_scripting():
+    for file in modules():
+        used = imports(file)
+        if stage_of(file) not in ("cad", "domain", "scripting", "selection"):
+            assert not {name.split(".")[0] for name in used} & {"build123d", "cadquery"}, file
+        if stage_of(file) not in ("scripting", "__init__"):
+            assert not any(name.startswith("michell_cad.scripting") for name in used), file
 
 
 def test_every_module_is_filed():

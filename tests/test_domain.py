@@ -19,6 +19,7 @@ from michell_cad.domain import (
     read_outline,
     read_part,
 )
+from michell_cad.domain.cad_part import outline_from_shape
 from michell_cad.domain.refine import refine_surface
 from michell_cad.domain.surface_checks import crossing_triangles
 from michell_cad.domain.tet_meshing import classify_triangles, mesh_outline, tet_quality, wall_thickness
@@ -77,6 +78,15 @@ def test_cylinder_keeps_its_three_faces(cylinder):
     assert np.abs(curved.direction) == pytest.approx([0, 0, 1])
     on_it = np.unique(cylinder.surface.triangles[cylinder.surface.face_numbers == curved.number])
     assert np.hypot(*cylinder.mesh.vertices[on_it, :2].T) == pytest.approx(10, rel=5e-3)
+
+
+def test_a_trimmed_cylinder_is_one():
+    import cadquery as cq
+
+    holed = cq.Workplane().box(10, 10, 10).faces(">X").hole(4)  # CadQuery leaves a trimmed surface here
+    (face,) = (f for f in outline_from_shape(holed).faces if f.kind == "CYLINDER")
+    assert face.radius == pytest.approx(2)
+    assert np.abs(face.direction) == pytest.approx([0, 0, 1])
 
 
 def test_plate_with_holes(plate):

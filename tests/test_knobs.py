@@ -5,7 +5,7 @@ from shapes import box_mesh
 
 from michell_cad.errors import InvalidInputError
 from michell_cad.isocurves import trace_isocurves
-from michell_cad.knobs import Knobs, apply_knobs, entasis_weights
+from michell_cad.knobs import Knobs, apply_knobs, describe_knob, entasis_weights
 from michell_cad.profiles import named_profile
 from michell_cad.truss import CurveKind, Truss, build_truss, member_radius
 
@@ -129,3 +129,9 @@ def test_the_profile_survives_as_json():
     assert again == own
     assert again.shape.pieces == pytest.approx(own.shape.pieces)
     assert Knobs(profile="hexagon").shape.reach == pytest.approx(named_profile("hexagon").reach)
+
+
+def test_one_line_says_what_the_schema_knows():
+    assert describe_knob("radius") == "Radius of the members; default: 0.08 of the cell edge. [mm; above 0]"
+    assert describe_knob("entasis").endswith("of each curve. [from -0.5 to 2]")
+    assert describe_knob("family").endswith("[all, tension, compression, third]")

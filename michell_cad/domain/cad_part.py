@@ -151,7 +151,10 @@ def _describe_face(number: int, face: Any) -> PartFace:
     if kind == "PLANE":
         direction = face.normalAt().toTuple()
     elif kind in ("CYLINDER", "CONE", "TORUS", "SPHERE"):
-        geometry = getattr(face._geomAdaptor(), kind.capitalize())()
+        surface = face._geomAdaptor()
+        while hasattr(surface, "BasisSurface"):  # one that is trimmed, as extruding an arc makes it
+            surface = surface.BasisSurface()
+        geometry = getattr(surface, kind.capitalize())()
         if kind != "SPHERE":
             axis = geometry.Axis().Direction()
             direction = (axis.X(), axis.Y(), axis.Z())

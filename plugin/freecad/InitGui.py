@@ -35,6 +35,7 @@ def _add_preferences():
 
     Gui.addPreferencePage(str(RESOURCES / "preferences.ui"), "Michell")
     Gui.addLanguagePath(str(TRANSLATIONS))
+    Gui.updateLocale()  # else the path counts from the next change of the language on
 
 
 _add_preferences()

@@ -1,26 +1,17 @@
-"""Runs inside FreeCAD: makes a truss as a designer would, turns all knobs, breaks things; notes everything as JSON."""
+"""Runs inside FreeCAD: makes a truss as a designer would, turns knobs, breaks things; notes everything as JSON."""
 
 import json
 import os
 import shutil
 import signal
-from pathlib import Path
 
 import FreeCAD as App
 import Part
+from freecad_steps import FOLDER, clamps, describe, state, turn
 from michell_workbench import headless
 
-FOLDER = Path(os.environ["WALK_FOLDER"])
-
-TURNS = (
-    {"Radius": 0.9},
-    {"Entasis": 0.3, "SmallestRadius": 0.7},
-    {"Family": "tension, compression", "NodeRatio": 2.0, "FilletRatio": 0.3},
-    {"Every": 2, "Offset": 1, "EveryTension": 1, "OffsetTension": 0},
-    {"Family": "all", "Every": 1, "Offset": 0, "VolumeFraction": 0.1, "EveryTension": 0, "OffsetTension": -1},
-    {"Mass": 14.0, "EveryCompression": 1, "EveryThird": 1, "OffsetCompression": 0, "OffsetThird": 0},
-)
-"""Changes of properties, one after the other; together they touch every one."""
+TURNS = ({"Radius": 0.9}, {"VolumeFraction": 0.1}, {"Mass": 14.0})
+"""Changes of properties, one after the other: each size replaces the one before. See `freecad_bracket` for the rest."""
 
 
 def main() -> None:
@@ -38,6 +29,7 @@ def main() -> None:
     shutil.copy(truss.DesignFile, FOLDER / "design.npz")
     found["turns"] = [turn(document, truss, changes, f"turn{k}.brep") for k, changes in enumerate(TURNS)]
     found["turned_back"] = cancel_a_turn(document, truss)
+    found["died_in_a_turn"] = kill_in_a_turn(document, truss)
     found["expression"] = drive_by_spreadsheet(document, truss)
     export(truss)
     found["body_statuses"] = edit_and_delete_body(document, truss)
@@ -93,63 +85,6 @@ def refused(document, body, cancel):
     return {"kind": "none", "stages": seen}
 
 
-def state(truss, file=None):
-    """What a truss shows; its shape goes to a file, to be measured by more than FreeCAD's plain rule."""
-    from michell_workbench.trusses import read_knobs
-
-    if file is not None:
-        truss.Shape.exportBrep(str(FOLDER / file))
-    return {
-        "file": file,
-        "volume": truss.Shape.Volume,
-        "valid": truss.Shape.isValid(),
-        "told_volume": truss.SolidVolume,
-        "told_mass": truss.SolidMass,
-        "knobs": read_knobs(truss),
-        "state": list(truss.State),
-        "status": truss.Status,
-        "faces": len(truss.Shape.Faces),
-        "families": sorted({truss.FamilyNames[k] for k in truss.FaceFamilies}),
-        "coloured": len(truss.FaceFamilies),
-    }
-
-
-def describe(truss):
-    """The properties that are knobs: type, tooltip, value, and bounds as the property enforces them."""
-    rows = {}
-    for name in truss.PropertiesList:
-        if truss.getGroupOfProperty(name) != "Knobs":
-            continue
-        kind, value = truss.getTypeIdOfProperty(name), getattr(truss, name)
-        row = {"kind": kind, "help": truss.getDocumentationOfProperty(name), "value": getattr(value, "Value", value)}
-        if kind.endswith("Constraint"):
-            row["bounds"] = clamps(truss, name)
-        if kind.endswith("Enumeration"):
-            row["choices"] = truss.getEnumerationsOfProperty(name)
-        rows[name] = row
-    return rows
-
-
-def clamps(truss, name):
-    """What a property makes of a value far too small and one far too large."""
-    before, found = getattr(truss, name), []
-    for far in (-1000000, 1000000):
-        setattr(truss, name, far)
-        found.append(getattr(truss, name))
-    setattr(truss, name, before)
-    return found
-
-
-def turn(document, truss, changes, file):
-    """Turn knobs and recompute."""
-    from michell_workbench.trusses import update
-
-    for name, value in changes.items():
-        setattr(truss, name, value)
-    update(document)
-    return state(truss, file)
-
-
 def cancel_a_turn(document, truss):
     """Esc while the truss is rebuilt: knobs and shape are as before."""
     from michell_workbench import trusses
@@ -162,6 +97,26 @@ def cancel_a_turn(document, truss):
     finally:
         trusses._Bar.wanted = original
     return {"before": before, "after": state(truss)}
+
+
+def kill_in_a_turn(document, truss):
+    """What the truss says when the worker is killed while it rebuilds it, and after another try."""
+    from michell_workbench import session, trusses
+
+    before, original = state(truss), trusses._Bar.show
+    trusses._Bar.show = lambda self, stage, fraction: os.killpg(session.worker()._process.pid, signal.SIGKILL)
+    try:
+        truss.FilletRatio = 0.2
+        document.recompute()
+    finally:
+        trusses._Bar.show = original
+    after = state(truss)
+    truss.touch()
+    document.recompute()
+    again = state(truss)
+    truss.FilletRatio = 0.4
+    document.recompute()
+    return {"before": before, "after": after, "again": again}
 
 
 def drive_by_spreadsheet(document, truss):

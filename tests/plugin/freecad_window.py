@@ -114,7 +114,23 @@ def finish() -> None:
     found["knobs"] = json.loads(truss.Built)
     found["body_shown"] = bool(truss.Body.ViewObject.Visibility)
     subprocess.run(["import", "-window", "root", str(FOLDER / "window.png")], check=True)
+    found["german"] = in_german(truss)
     leave(0)
+
+
+def in_german(truss) -> dict:
+    """The form of the truss, and what the object is, after a change of the language."""
+    from michell_workbench import messages
+    from michell_workbench import panel as panels
+
+    Gui.setLocale("German")
+    form = panels.open_panel(truss)
+    return {
+        "buttons": [form.compute_button.text(), form.cancel_button.text(), form.job_button.text()],
+        "title": form.form.windowTitle(),
+        "body": form.body_label.text(),
+        "message": messages.cancelled(),
+    }
 
 
 QtCore.QTimer.singleShot(1000, begin)

@@ -132,6 +132,15 @@ def test_the_setup_goes_to_text_and_back():
     assert from_json("") == Setup()
 
 
+def test_a_document_of_a_newer_add_in_is_refused_in_plain_words():
+    text = json.dumps(json.loads(to_json(whole_setup())) | {"version": 2, "gravity": 9.8})
+    with pytest.raises(ValueError, match=r"newer add-in \(version 2; this one reads up to 1\).*plugin install freecad"):
+        from_json(text)
+    unversioned = json.loads(to_json(whole_setup()))
+    del unversioned["version"]
+    assert from_json(json.dumps(unversioned)) == whole_setup()
+
+
 def test_the_job_file_is_one_that_the_package_reads():
     knobs = {"family": ["tension", "third"], "radius": None, "mass": 12.0, "every": [1, 2, 2]}
     job = parse_job(tomllib.loads(job_text(whole_setup(), "x-part.brep", knobs)))
@@ -236,6 +245,7 @@ def test_every_message_says_what_to_do():
         "compute again": messages.body_changed("Lug"),
         "make a new": messages.body_gone(),
         "Double click": messages.no_design(),
+        "install a newer": messages.newer_document(2, 1),
         "Save it": messages.unsaved_document("Unnamed"),
         "Select one or more faces": messages.nothing_picked("supports"),
         "Pick faces of A": messages.two_bodies("A", "B"),

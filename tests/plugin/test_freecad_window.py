@@ -1,31 +1,27 @@
 """The workbench in FreeCAD's window, on a screen that nobody sees (Xvfb)."""
 
 import json
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hosts import EXERCISED, LIMIT, find_freecad, freecad_home
+from hosts import alike, exercised, find_freecad, freecad_home, need_screen, run_on_screen
 from PIL import Image
 
+from michell_cad.knobs import FAMILY_ORDER
+from michell_cad.palette import COLOURS
+
 HERE = Path(__file__).parent
-FAMILY_COLOURS = {"tension": (214, 94, 0), "compression": (0, 115, 178), "third": (0, 158, 115)}
-"""As the package has them, in the 8 bits of a screen."""
 
 
 @pytest.fixture(scope="module")
 def window(tmp_path_factory) -> tuple[dict, np.ndarray]:
     folder = tmp_path_factory.mktemp("window")
     program = find_freecad("freecad")
-    for tool, package in (("xvfb-run", "xvfb"), ("import", "imagemagick")):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed (Debian: apt-get install {package})")
-    command = ["xvfb-run", "-a", "-s", "-screen 0 1400x900x24", program, str(HERE / "freecad_window.py")]
+    need_screen()
     environment = freecad_home(folder) | {"WALK_FOLDER": str(folder)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=LIMIT, check=False)
-    EXERCISED.append("FreeCAD with a window")
+    done = run_on_screen([program, str(HERE / "freecad_window.py")], environment)
+    exercised("FreeCAD with a window")
     assert (folder / "window.json").is_file(), done.stdout[-2000:] + done.stderr[-2000:]
     found = json.loads((folder / "window.json").read_text())
     assert done.returncode == 0, found.get("error")
@@ -63,9 +59,13 @@ def test_the_truss_takes_the_place_of_the_body_and_its_knob_turns(window):
 
 def test_the_screen_shows_three_families(window):
     pixels = window[1].reshape(-1, 3)
-    for name, colour in FAMILY_COLOURS.items():
-        # lit surfaces have the hue of their colour at another brightness
-        wanted = np.array(colour) / np.linalg.norm(colour)
-        length = np.linalg.norm(pixels, axis=1)
-        alike = (pixels @ wanted > 0.995 * length) & (length > 60)
-        assert alike.sum() > 500, name
+    for name in FAMILY_ORDER:
+        assert alike(pixels, COLOURS[name]) > 500, name
+
+
+def test_the_form_speaks_german(window):
+    german = window[0]["german"]
+    assert german["buttons"] == ["Fachwerk berechnen", "Abbrechen", "Auftragsdatei speichern..."]
+    assert german["title"] == "Michell-Fachwerk"
+    assert german["body"] == "Körper: Bar"
+    assert german["message"].startswith("Abgebrochen.")

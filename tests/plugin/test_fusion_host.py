@@ -11,6 +11,7 @@ import pytest
 from fusion_fake import Fake, WrongCall, walk
 from fusion_layouts import write_layout
 from fusion_stubs import find_dummies, read_classes
+from hosts import exercised
 from MichellTruss.logic.knobs import read_knobs
 from MichellTruss.logic.layout import read_layout
 from MichellTruss.logic.plan import LARGEST_TIMELINE, make_plan
@@ -135,6 +136,7 @@ def items(collection) -> list:
 def session(classes, monkeypatch, tmp_path):
     fake = Fake(classes)
     fake.install(monkeypatch)
+    exercised("Fusion (a fake)")
     return Session(fake, tmp_path)
 
 

@@ -12,6 +12,9 @@ from michell_workbench.texts import translate
 
 LOAD_KINDS = ("force", "pressure", "torque", "self_weight")
 
+VERSION = 1
+"""Of what documents hold; older ones are read as they are, newer ones are refused."""
+
 PART_SUFFIX = "-part.brep"
 """Of the body's file beside a job file; BREP keeps the numbers of the faces."""
 
@@ -121,12 +124,22 @@ class Setup:
 
 def to_json(setup: Setup) -> str:
     """As text for the document."""
-    return json.dumps(asdict(setup))
+    return json.dumps({"version": VERSION} | asdict(setup))
 
 
 def from_json(text: str) -> Setup:
-    """Back from the document; an empty text is an empty setup."""
-    return setup_of(json.loads(text)) if text else Setup()
+    """Back from the document; an empty text is an empty setup.
+
+    Raises
+    ------
+    ValueError
+        If a newer add-in has saved it.
+    """
+    values = json.loads(text) if text else asdict(Setup())
+    version = values.pop("version", VERSION)
+    if version > VERSION:
+        raise ValueError(messages.newer_document(version, VERSION))
+    return setup_of(values)
 
 
 def setup_of(values: Mapping[str, Any]) -> Setup:

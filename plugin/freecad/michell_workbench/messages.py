@@ -77,6 +77,16 @@ def no_design() -> str:
     )
 
 
+def newer_document(found: int, known: int) -> str:
+    """The document was saved by a newer add-in."""
+    text = translate(
+        "MichellCAD",
+        "This truss was saved by a newer add-in (version {found}; this one reads up to {known}). Its shape stays as it "
+        "is. To change it, install a newer michell_cad and run: michell-cad plugin install freecad",
+    )
+    return text.format(found=found, known=known)
+
+
 def unsaved_document(name: str) -> str:
     """The document has no file yet."""
     text = translate(

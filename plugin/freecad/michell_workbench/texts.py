@@ -1,4 +1,4 @@
-"""Translation: every text that a designer sees goes through `translate`, as Qt's lupdate finds it."""
+"""Translation: every text that a designer sees goes through `translate`, or waits for FreeCAD to translate it."""
 
 try:
     from FreeCAD import Qt
@@ -9,3 +9,8 @@ except ImportError:  # outside FreeCAD, in tests
     def translate(context: str, text: str) -> str:
         """The text itself."""
         return text
+
+
+def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
+    """The text itself, which FreeCAD translates when it shows it (tooltips of properties)."""
+    return text

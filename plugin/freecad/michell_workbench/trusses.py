@@ -20,18 +20,22 @@ from michell_workbench.client import Progress, Wanted, Worker, WorkerError
 from michell_workbench.job import Setup, from_json, to_json, write_job
 from michell_workbench.knob_properties import GROUP, KnobProperty, knobs_of, properties_of, rivals, values_of
 from michell_workbench.session import worker as usual_worker
-from michell_workbench.texts import translate
+from michell_workbench.texts import QT_TRANSLATE_NOOP, translate
 
 HIDDEN_TEXTS = ("Setup", "Schema", "Built", "Fingerprint", "Notes")
 """Properties that hold JSON and the like: the picks, the schema of the knobs, knobs of the shape, state of the body,
 what was said when the shape was built."""
 
 FIGURES = (
-    ("App::PropertyLength", "UsedRadius", "Smallest radius of a member"),
-    ("App::PropertyLength", "CellEdge", "Edge of a typical cell"),
-    ("App::PropertyFloat", "SolidVolume", "Volume of the truss, mm^3, as michell_cad measures it"),
-    ("App::PropertyFloat", "SolidMass", "Mass of the truss, g"),
-    ("App::PropertyString", "Status", "What michell_cad says about this truss"),
+    ("App::PropertyLength", "UsedRadius", QT_TRANSLATE_NOOP("App::Property", "Smallest radius of a member")),
+    ("App::PropertyLength", "CellEdge", QT_TRANSLATE_NOOP("App::Property", "Edge of a typical cell")),
+    (
+        "App::PropertyFloat",
+        "SolidVolume",
+        QT_TRANSLATE_NOOP("App::Property", "Volume of the truss, mm^3, as michell_cad measures it"),
+    ),
+    ("App::PropertyFloat", "SolidMass", QT_TRANSLATE_NOOP("App::Property", "Mass of the truss, g")),
+    ("App::PropertyString", "Status", QT_TRANSLATE_NOOP("App::Property", "What michell_cad says about this truss")),
 )
 """Properties that are shown and not to be set."""
 
@@ -211,7 +215,8 @@ class MichellTruss:
     """What FreeCAD asks of the truss."""
 
     def __init__(self, obj: Any) -> None:
-        obj.addProperty("App::PropertyLinkGlobal", "Body", "Design", "The body that the truss is made of")
+        body = QT_TRANSLATE_NOOP("App::Property", "The body that the truss is made of")
+        obj.addProperty("App::PropertyLinkGlobal", "Body", "Design", body)
         obj.addProperty("App::PropertyFileIncluded", "DesignFile", "Design", "", 0, True, True)
         for name in HIDDEN_TEXTS:
             obj.addProperty("App::PropertyString", name, "Design", "", 0, True, True)

@@ -28,10 +28,14 @@ class TrussView:
         return icon("truss")
 
     def doubleClicked(self, view: Any) -> bool:
-        """Open the form with the supports and loads."""
+        """Open the form with the supports and loads, or say why it cannot be."""
+        from michell_workbench.commands import tell
         from michell_workbench.panel import open_panel
 
-        open_panel(view.Object)
+        try:
+            open_panel(view.Object)
+        except ValueError as error:
+            tell(str(error))
         return True
 
     def dumps(self) -> None:
