@@ -220,7 +220,8 @@ def _measure_strength(structure: Structure, solid: TrussSolid) -> tuple[dict[str
         return None, ["the strength of joined trusses is not computed: the loads are known of one part only"]
     design = structure.design
     part = design.problem, design.stress_field, design.parametrization
-    return strength_block(*part, solid.prepared.sized, solid.report.volume_mm3)
+    built = solid.prepared
+    return strength_block(*part, built.sized, solid.report.volume_mm3, np.asarray(built.sizes.radius))
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ two faults in it, both avoided here:
    sign. So every beam becomes two elements on the same nodes, each with half the area, all of I11 and next to no I22,
    turned by a quarter against each other: each bends in its sound plane only, and the torsional stiffness, which U1
    takes from I11 + I22, is right in sum.
-2. Shear enters by 12 E I - k G A L^2 instead of the sum of the two. So k is very large: these are Euler-Bernoulli beams.
+2. Shear enters by 12 E I - k G A L^2 instead of the sum of the two. So k is very large: Euler-Bernoulli beams.
 """
 
 from pathlib import Path
@@ -27,8 +27,8 @@ from michell_cad.strength.beam_model import BeamModel
 from michell_cad.strength.loads import TrussLoading
 
 BeamElement = Literal["B32R", "B32", "U1"]
-"""B32R is what CalculiX recommends, with circles given by two diameters; B32 is what Abaqus knows, with circles given by
-the radius; U1 is CalculiX's user element."""
+"""B32R is what CalculiX recommends, with circles given by two diameters; B32 is what Abaqus knows, with circles given
+by the radius; U1 is CalculiX's user element."""
 
 RADIUS_DIGITS = 6
 """Significant digits of the radii; beams whose radii agree to these share a section."""
