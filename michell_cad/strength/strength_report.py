@@ -1,9 +1,9 @@
 """The short form of the strength report: what every design says about the truss that it delivers.
 
 The beam model along the curves of the truss, loads and supports carried over from the part, linear. A part of the truss
-that is loose carries nothing: it is left out and named. Members of a solid are as thick as the balls of their nodes within
-these, which brings compliance within a few per cent of the solid's; without balls stresses are looked at up to the
-nodes. Members buckle as columns from node to node.
+that is loose carries nothing: it is left out and named. Members of a solid are as thick as the balls of their nodes
+where these hide them, which brings compliance within a few per cent of the solid's; without balls stresses are looked
+at up to the nodes. Members buckle as columns from node to node.
 """
 
 from dataclasses import asdict, dataclass

@@ -97,7 +97,8 @@ def test_members_are_as_thick_as_the_balls_at_their_nodes():
     np.testing.assert_allclose(no_balls.displacements, plain.displacements, rtol=EXACT, atol=1e-18)
     large = build_beam_model(bar(), STEEL, joints=np.array([60.0, 60.0]))
     assert large.lengths == pytest.approx(L)
-    assert (large.radii[:, :9].max() > 50) and (large.radii >= R).all()
+    assert large.radii[:, :9].max() > 50
+    assert (large.radii >= R).all()
     with pytest.raises(InvalidInputError, match="joints belong to whole members"):
         build_beam_model(bar(), STEEL, pieces=2, joints=balls)
 
