@@ -63,8 +63,8 @@ class QuadraticMesh:
             self.tets.min() >= 0 and self.tets.max() < len(self.nodes),
             f"tets must index the {len(self.nodes)} nodes, found {self.tets.min()} to {self.tets.max()}",
         )
-        bad = (self.determinants(GAUSS_POINTS) <= 0).any(1)
-        require(not bad.any(), f"{bad.sum()} of {len(bad)} quadratic tets turn inside out, first {int(bad.argmax())}")
+        bad = np.flatnonzero(self.determinants(GAUSS_POINTS).min(1) <= 0)
+        require(not len(bad), f"{len(bad)} of {len(self.tets)} quadratic tets turn inside out, first {bad[:1]}")
 
     def determinants(self, local: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "n_t k"]:
         """det dx/dl at local coordinates of every tet: six volumes of a straight one."""

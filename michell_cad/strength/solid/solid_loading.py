@@ -6,7 +6,8 @@ in its core, a ball of the radius of its thickest member. A force F and a moment
     f_i = w_i (F + omega x (x_i - c)),   J omega = M + (X - c) x F,
 
 with the volumes w (sum 1) around the solid's nodes, their centre c and their inertia J: the resultants are exact. What
-holds a node of the truss holds the nodes in its core along the same axes. So beams and solid carry the same loads.
+holds a node of the truss holds the nodes in its core along the same axes. So beams and solid carry the same loads. A
+core that is empty, as in a hole of a solid that was kept, has the nodes nearest to it instead.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ from michell_cad.arrays import freeze, require
 from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.solid.quadratic_mesh import QuadraticMesh
 from michell_cad.truss import SizedTruss
+
+FEWEST = 8
+"""A core has at least so many nodes of the solid, the nearest ones if need be."""
 
 NEAR = 2.0
 """Stresses within this many core radii of held and loaded nodes are not counted: they depend on how the load enters."""
@@ -48,30 +52,22 @@ class SolidLoading:
 
 
 def carry_to_solid(mesh: QuadraticMesh, sized: SizedTruss, loading: TrussLoading) -> SolidLoading:
-    """Hand the supports and loads of a truss to the nodes of its solid.
-
-    Raises
-    ------
-    InvalidInputError
-        If a core has too few nodes: the mesh does not fill it.
-    """
+    """Hand the supports and loads of a truss to the nodes of its solid."""
     truss = sized.truss
     core = np.zeros(len(truss.nodes))
     np.maximum.at(core, truss.members, sized.radii[:, [0, 2]])
-    held, loaded = loading.held[:, :3].any(1), (loading.forces != 0).any((0, 2))
+    held, loaded = np.any(loading.held[:, :3], axis=1), np.any(loading.forces, axis=(0, 2))
     anchored = np.flatnonzero((held | loaded) & (core > 0))
-    tree = KDTree(mesh.nodes)
-    volume = np.bincount(mesh.tets.ravel(), np.repeat(mesh.volumes / 10, 10), len(mesh.nodes))
-    fixed, counted = np.zeros(mesh.nodes.shape, bool), np.ones(len(mesh.nodes), bool)
-    forces = np.zeros((len(loading.names), *mesh.nodes.shape))
+    tree, n_p = KDTree(mesh.nodes), len(mesh.nodes)
+    volume = np.bincount(mesh.tets.ravel(), np.repeat(mesh.volumes / 10, 10), n_p)
+    fixed, counted = np.zeros((n_p, 3), bool), np.ones(n_p, bool)
+    forces = np.zeros((len(loading.names), n_p, 3))
     for node in anchored.tolist():
         X = truss.nodes[node]
-        inside = np.array(tree.query_ball_point(X, core[node]), np.int64)
-        require(
-            len(inside) >= 4,
-            f"the mesh has only {len(inside)} nodes around node {node} of the truss: use a smaller size",
-        )
-        counted[tree.query_ball_point(X, NEAR * core[node])] = False
+        inside = np.array(tree.query_ball_point(X, core[node]), dtype=np.int64)
+        if len(inside) < FEWEST:
+            inside = np.asarray(tree.query(X, FEWEST)[1])
+        counted[np.array(tree.query_ball_point(X, NEAR * core[node]), dtype=np.int64)] = False
         if held[node]:
             fixed[inside] |= loading.held[node, :3]
         if loaded[node]:
