@@ -1,12 +1,14 @@
 """How strong the cantilever is: its stiffness against braced grids, its volume against Michell's, the gain by sizing.
 
-    python tests/benchmarks/strength.py DIR [--resolution 16 24] [--stride 2] [--volume-fraction 0.09] [--skip-sizing]
+    python tests/benchmarks/strength.py DIR [--resolution 16] [--stride 2 1] [--spacing-weight 0.3] [--layers hug]
+                                            [--volume-fraction 0.09] [--skip-sizing]
 
 DIR holds `cantilever_beam.npz`. All trusses have straight chords, equal members, and the same union volume; for every
 resolution the offset of the kept curves is searched (each family by itself, all combinations). Stiffness is the
 compliance of the braced grid over that of the truss. V* is Michell's volume for a strip with the load at mid-height,
 7.027 F h / sigma for a strip of length 2 h; sqrt(C E V) / (F L k) is 1 for a truss of it, all of whose material is
-stressed alike. Sizing is for five load cases (the load, and tilted by 5 degrees to four sides).
+stressed alike; V counts every member by itself, as for bars with pins. Sizing is for five load cases (the load, and
+tilted by 5 degrees to four sides).
 """
 
 import argparse
@@ -22,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import michell_cad as mc
 from michell_cad.job import Setup
+from michell_cad.parametrization import ParametrizationOptions
 from michell_cad.strength import (
     StrengthenOptions,
     build_beam_model,
@@ -103,8 +106,10 @@ def sizing_gains(problem: mc.DesignProblem, design: mc.Design, sized: SizedTruss
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, metavar="DIR")
-    parser.add_argument("--resolution", type=float, nargs="+", default=[16.0, 24.0])
+    parser.add_argument("--resolution", type=float, nargs="+", default=[16.0])
     parser.add_argument("--stride", type=int, nargs="+", default=[2, 1])
+    parser.add_argument("--spacing-weight", type=float, default=0.3)
+    parser.add_argument("--layers", choices=("clear", "hug"), default="hug")
     parser.add_argument("--volume-fraction", type=float, default=0.09)
     parser.add_argument("--skip-sizing", action="store_true")
     arguments = parser.parse_args()
@@ -116,7 +121,9 @@ def main() -> None:
         grids[cells] = measure(problem, grid)
         print(f"grid {cells} braced, {len(grid.truss.members)} members: {grids[cells]}", flush=True)
     for resolution in arguments.resolution:
-        design = mc.design(problem, mc.DesignOptions(resolution=resolution))
+        parametrization = ParametrizationOptions(spacing_weight=arguments.spacing_weight)
+        options = mc.DesignOptions(resolution, layers=arguments.layers, parametrization=parametrization)
+        design = mc.design(problem, options)
         for stride in arguments.stride:
             figures, sized = best_offset(problem, design, stride, volume)
             over = " ".join(f"{grids[c].compliance / figures.compliance:.2f} ({w})" for c, w in GRIDS.items())
