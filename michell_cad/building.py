@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from michell_cad.arrays import require
 from michell_cad.cad import TrussSolid, build_solid, prepare_truss, resolve_radius, unite
-from michell_cad.edits import Entasis, Radius, Structure, size_structure
+from michell_cad.edits import Entasis, Radius, Structure, resize_structure, size_structure
 from michell_cad.knobs import Knobs
 from michell_cad.strength import StrengthenReport, strengthen
 from michell_cad.truss import SizedTruss
@@ -35,29 +35,27 @@ class Sizing:
 
 
 def size_finished(structure: Structure) -> Sizing:
-    """Give every member its radius, by knobs and edits, and then as the loads want it, if the structure asks for that.
+    """Give every member its radius: by the knobs and edits, or as the loads want it and then by the edits.
 
-    Sized is twice: thick members merge nodes and give way to each other in the solid, and forces go with them.
+    For the loads it is sized twice: thick members merge nodes and give way to each other in the solid, and forces go
+    with them.
     """
-    design = structure.design
+    design, options = structure.design, structure.sizing
+    for_loads = options is not None and options.size_by is not None
+    # What edits make thicker for its own sake is no material that the loads may spend.
+    chosen = replace(structure, noted=()) if for_loads else structure
     knobs = resolve_radius(
         structure.knobs,
-        lambda knobs: size_structure(structure, knobs),
+        lambda knobs: size_structure(chosen, knobs),
         structure.truss.spacing,
         float(structure.whole_mesh.volumes.sum()),
         design.problem.material.density,
     )
-    part, options = (design.problem, design.stress_field, design.parametrization), structure.sizing
-    sized = size_structure(structure, knobs)
+    part, sized = (design.problem, design.stress_field, design.parametrization), size_structure(chosen, knobs)
     if options is None:
         return Sizing(sized, knobs, None, ())
-    if options.size_by is not None:
+    if for_loads:
         require(not structure.others, "[sizing] knows the loads of one part only: leave it out for joined trusses")
-        require(
-            not structure.of_kind(Radius) and not structure.of_kind(Entasis),
-            "the radii of this design are sized for its loads, so that edits of radius and entasis have no say: design "
-            "it without `by` in [sizing], or leave these edits out",
-        )
     sized, first, notes = strengthen(*part, sized, options)
     if first is None:
         return Sizing(sized, knobs, None, tuple(notes))
@@ -67,14 +65,26 @@ def size_finished(structure: Structure) -> Sizing:
     assert second is not None
     # Gains compare with equal members of the truss that the knobs chose.
     gain = first.failure_gain * second.failure_factor / first.failure_factor
-    return Sizing(
-        sized, knobs, replace(second, options=options, failure_gain=gain), tuple(dict.fromkeys([*notes, *more]))
-    )
+    report = replace(second, options=options, failure_gain=gain)
+    sized, edited = _resized(structure, sized)
+    return Sizing(sized, knobs, report, tuple(dict.fromkeys([*notes, *more, *edited])))
+
+
+def _resized(structure: Structure, sized: SizedTruss) -> tuple[SizedTruss, list[str]]:
+    """A truss sized for its loads with the radii that edits want, and a note if there are such edits."""
+    if not (structure.of_kind(Radius) or structure.of_kind(Entasis)):
+        return sized, []
+    edited = resize_structure(structure, sized)
+    count = int((edited.radii != sized.radii).any(1).sum())
+    return edited, [
+        f"edits changed the radii of {count} members after these were sized for the loads: the figures of the sizing "
+        "are those from before"
+    ]
 
 
 def build_united(structure: Structure, sizing: Sizing, progress: Progress) -> TrussSolid:
     """The solid of a structure, united with what it keeps."""
     solid = build_solid(sizing.sized, sizing.knobs, progress=lambda fraction: progress("solid", fraction))
-    if structure.kept:
-        solid = unite(solid, structure.kept, lambda fraction: progress("keep", fraction))
+    if structure.whole_kept:
+        solid = unite(solid, structure.whole_kept, lambda fraction: progress("keep", fraction))
     return solid

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -186,11 +186,15 @@ def check(
 
 
 @app.command()
-def schema() -> None:
-    """Print the JSON Schema of the job file."""
+def schema(
+    what: Annotated[
+        Literal["job", "edits"], typer.Argument(metavar="[job|edits]", help="The job file, or an edit script.")
+    ] = "job",
+) -> None:
+    """Print the JSON Schema of the job file, or of edit scripts."""
     from michell_cad.cli_inspect import show_schema
 
-    show_schema(_console())
+    show_schema(what, _console())
 
 
 @app.command()

@@ -17,6 +17,7 @@ from michell_cad.arrays import require
 from michell_cad.domain import Outline, forecast_tets, read_outline
 from michell_cad.domain.refine import refine_surface
 from michell_cad.domain.tet_meshing import check_mesh_size
+from michell_cad.edits import script_schema
 from michell_cad.errors import InvalidInputError
 from michell_cad.job import MAIN_CASE, Job, Load, choose_material, job_schema, read_job
 from michell_cad.picture import Arrow, face_colours, render_part
@@ -148,9 +149,9 @@ def check_job(job: Path, out: Path | None, console: Console) -> Path:
     return path
 
 
-def show_schema(console: Console) -> None:
-    """Print the JSON Schema of a job file."""
-    console.print_json(json.dumps(job_schema()))
+def show_schema(what: str, console: Console) -> None:
+    """Print the JSON Schema of a job file or of an edit script."""
+    console.print_json(json.dumps(job_schema() if what == "job" else script_schema()))
 
 
 def _show_mesh(outline: Outline, job: Job, console: Console) -> float:

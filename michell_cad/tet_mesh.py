@@ -26,6 +26,8 @@ _LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 """Face k of a positive tet is opposite to its vertex k; its normal by the right-hand rule points outwards."""
 
 _LOCAL_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+_FACE_EDGES = np.array([[3, 5, 4], [2, 5, 1], [0, 4, 2], [1, 3, 0]])
+"""Local edges between the vertices 01, 12, 20 of each local face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ class TetMesh:
         In the tets with the given numbers; in all of them by default.
         """
         numbers = np.arange(len(self.tets)) if tets is None else tets
-        gradients = np.zeros((len(numbers), values.shape[1], 3))
+        gradients = np.empty((len(numbers), values.shape[1], 3))
         add_gradients(self.tets, numbers, self.hat_gradients, np.ascontiguousarray(values, np.float64), gradients)
         return gradients
 
@@ -188,9 +190,14 @@ class TetMesh:
     @cached_property
     def boundary_triangles(self) -> Int[np.ndarray, "n_b 3"]:
         """Vertices of the boundary faces, oriented with the normal pointing out of the solid."""
-        tets = self.face_tets[self.boundary_faces, 0]
-        local = np.argmax(self.tet_faces[tets] == self.boundary_faces[:, None], axis=1)
+        tets, local = self._boundary_owners
         return frozen(np.take_along_axis(self.tets[tets], _LOCAL_FACES[local], axis=1))
+
+    @cached_property
+    def _boundary_owners(self) -> tuple[np.ndarray, np.ndarray]:
+        """The tet of each boundary face, and which of its faces that is."""
+        tets = self.face_tets[self.boundary_faces, 0]
+        return tets, np.argmax(self.tet_faces[tets] == self.boundary_faces[:, None], axis=1)
 
     @cached_property
     def boundary_area_vectors(self) -> Float[np.ndarray, "n_b 3"]:
@@ -257,15 +264,22 @@ class TetMesh:
 
     @cached_property
     def _boundary_edge_numbering(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        triangles = self.boundary_triangles
-        pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, inverse, counts = _unique_rows(pairs, len(self.vertices))
-        return frozen(edges), frozen(inverse.reshape(-1, 3)), frozen(counts)
+        """Boundary edges (numbers into `edges`), those of each boundary triangle (n_b x 3), their triangle counts."""
+        tets, local = self._boundary_owners
+        sides = np.take_along_axis(self.tet_edges[tets], _FACE_EDGES[local], axis=1)
+        counts = np.bincount(sides.ravel(), minlength=len(self.edges))
+        used = counts > 0
+        return frozen(np.flatnonzero(used)), frozen((np.cumsum(used) - 1)[sides]), frozen(counts[used])
 
     @property
+    def boundary_edge_numbers(self) -> Int[np.ndarray, " n_be"]:
+        """Numbers of the edges that lie on the boundary, ascending."""
+        return self._boundary_edge_numbering[0]
+
+    @cached_property
     def boundary_edges(self) -> Int[np.ndarray, "n_be 2"]:
         """Edges of the boundary triangles, each once, vertices ascending."""
-        return self._boundary_edge_numbering[0]
+        return frozen(self.edges[self.boundary_edge_numbers])
 
     @property
     def boundary_triangle_edges(self) -> Int[np.ndarray, "n_b 3"]:
@@ -313,10 +327,14 @@ class TetMesh:
 def _add_gradients(tets: Any, numbers: Any, hat_gradients: Any, values: Any, gradients: Any) -> None:
     for n in range(len(numbers)):
         t = numbers[n]
-        for a in range(4):
-            for k in range(values.shape[1]):
-                for d in range(3):
-                    gradients[n, k, d] += values[tets[t, a], k] * hat_gradients[t, a, d]
+        for k in range(values.shape[1]):
+            x, y, z = 0.0, 0.0, 0.0
+            for a in range(4):
+                value = values[tets[t, a], k]
+                x += value * hat_gradients[t, a, 0]
+                y += value * hat_gradients[t, a, 1]
+                z += value * hat_gradients[t, a, 2]
+            gradients[n, k, 0], gradients[n, k, 1], gradients[n, k, 2] = x, y, z
 
 
 add_gradients = compiled(_add_gradients)

@@ -104,7 +104,17 @@ def test_nothing_imports_plugins():
 
 
 def test_every_module_is_filed():
-    known = {*NUMERICS, *OUTSIDE, "__init__", "design_file", "files", "job_values", "truss_json", "materials"}
+    known = {
+        *NUMERICS,
+        *OUTSIDE,
+        "__init__",
+        "design_file",
+        "files",
+        "palette",
+        "job_values",
+        "truss_json",
+        "materials",
+    }
     assert {stage_of(file) for file in modules()} <= known
 
 

@@ -95,5 +95,8 @@ def test_faces_of_a_cad_part(tmp_path, monkeypatch):
 
 def test_schema_is_printed():
     terminal, text = console()
-    show_schema(terminal)
+    show_schema("job", terminal)
     assert '"spacing_weight"' in text.getvalue()
+    assert '"AddStrut"' not in text.getvalue()
+    show_schema("edits", terminal)
+    assert '"AddStrut"' in text.getvalue()

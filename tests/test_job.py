@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from schemas import check_schema
 from shapes import box_mesh
 
 from michell_cad.cad import kernel
@@ -208,45 +209,10 @@ def test_schema_describes_every_key_and_accepts_the_examples():
     import tomllib
 
     for name in ("bracket", "cantilever", "quadcopter"):
-        check(tomllib.loads((EXAMPLES / f"{name}.toml").read_text()), schema, schema["$defs"])
+        check_schema(tomllib.loads((EXAMPLES / f"{name}.toml").read_text()), schema, schema["$defs"])
     for wrong in ({}, {"part": {"file": 3}}, {**PART, "optoins": {}}, {**PART, "mesh": {"size": -1}}):
         with pytest.raises(AssertionError):
-            check(wrong, schema, schema["$defs"])
-
-
-def check(value, schema: dict, defs: dict) -> None:
-    """The part of JSON Schema that pydantic uses here."""
-    if "$ref" in schema:
-        return check(value, defs[schema["$ref"].rsplit("/", 1)[1]], defs)
-    if "anyOf" in schema:
-        errors = 0
-        for option in schema["anyOf"]:
-            try:
-                return check(value, option, defs)
-            except AssertionError:
-                errors += 1
-        raise AssertionError(f"{value!r} fits none of {errors} alternatives")
-    kinds = {"object": dict, "array": list, "string": str, "boolean": bool, "number": (int, float), "integer": int}
-    if schema.get("type") == "null":
-        assert value is None
-    elif "type" in schema:
-        assert isinstance(value, kinds[schema["type"]])
-    assert value in schema.get("enum", [value])
-    assert value == schema.get("const", value)
-    if isinstance(value, int | float):
-        assert value > schema.get("exclusiveMinimum", -np.inf)
-        assert value <= schema.get("maximum", np.inf)
-    if isinstance(value, list):
-        assert schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", 10**9)
-        for number, item in enumerate(value):
-            prefix = schema.get("prefixItems", [])
-            check(item, prefix[number] if number < len(prefix) else schema.get("items", {}), defs)
-    if isinstance(value, dict) and schema.get("type") == "object":
-        assert set(schema.get("required", [])) <= set(value)
-        for key, item in value.items():
-            assert key in schema.get("properties", {}) or schema.get("additionalProperties")
-            check(item, schema.get("properties", {}).get(key, {}), defs)
-    return None
+            check_schema(wrong, schema, schema["$defs"])
 
 
 @pytest.mark.parametrize(

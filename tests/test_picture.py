@@ -8,7 +8,8 @@ from shapes import box_mesh
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.domain import part_from_tets
 from michell_cad.errors import InvalidInputError
-from michell_cad.picture import FAMILY_COLOURS, Arrow, face_colours, render_part, render_truss
+from michell_cad.palette import COLOURS
+from michell_cad.picture import Arrow, face_colours, render_part, render_truss
 from michell_cad.picture.camera import Camera, place_camera
 from michell_cad.picture.canvas import Canvas
 from michell_cad.picture.sheet import corner_normals
@@ -148,7 +149,8 @@ def test_truss_picture_shows_three_families_where_they_are(tmp_path):
     assert (picture[0] == 255).all()
     drawing = picture[:, 160:]  # right of the legend
     for family in ("tension", "compression", "third"):
-        assert near(drawing, FAMILY_COLOURS[family], 0.2).sum() > 150, family
+        # The ghost before them makes all of them bluer, compression and third differ by 0.37.
+        assert near(drawing, COLOURS[family], 0.3).sum() > 500, family
 
 
 def test_pictures_repeat_bit_by_bit(tmp_path):

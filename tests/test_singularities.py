@@ -14,8 +14,8 @@ from PIL import Image
 
 from michell_cad.isocurves.trace import trace_isocurves
 from michell_cad.metrics import shear_residual
+from michell_cad.palette import COLOURS
 from michell_cad.parametrization import ParametrizationOptions, count_double_wound_edges
-from michell_cad.picture import FAMILY_COLOURS
 
 NAMES = ("lemon", "monstar", "star")
 CELLS = (16, 16, 1)
@@ -109,4 +109,4 @@ def test_the_pictures(layouts, tmp_path, monkeypatch):
     picture = np.asarray(Image.open(tmp_path / "star.png")).astype(float) / 255
     right = picture[EXAMPLE.HEAD : EXAMPLE.HEAD + 120, -EXAMPLE.GAP - 120 : -EXAMPLE.GAP]
     for family in ("tension", "third"):
-        assert (np.abs(right - FAMILY_COLOURS[family]).max(2) < 0.12).sum() > 50
+        assert (np.abs(right - COLOURS[family]).max(2) < 0.12).sum() > 50

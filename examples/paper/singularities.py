@@ -25,8 +25,8 @@ from michell_cad.elasticity import StressField
 from michell_cad.frame_field import fit_frame_field
 from michell_cad.isocurves import CurveNetwork, trace_isocurves
 from michell_cad.metrics import name_families, shear_residual
+from michell_cad.palette import COLOURS
 from michell_cad.parametrization import Parametrization, ParametrizationOptions, parametrize
-from michell_cad.picture import FAMILY_COLOURS
 from michell_cad.picture.canvas import Canvas
 from michell_cad.picture.shading import blend, shade_solid
 from michell_cad.picture.sheet import INK, SUPERSAMPLING, open_sheet, save_sheet, shrink, to_bytes
@@ -167,7 +167,7 @@ def draw_curves(picture: np.ndarray, layout: Layout) -> np.ndarray:
             radius = np.full(len(xy) - 1, 3.0)
             tags = np.full(len(xy) - 1, FAMILIES.index(curve.family))
             canvas.draw_tubes(xy[:-1], xy[1:], radius, radius, tags)
-    palette = np.array([FAMILY_COLOURS[family] for family in FAMILIES])
+    palette = np.array([COLOURS[family] for family in FAMILIES])
     rgb, covered = shade_solid(canvas, palette, fog=0.0, unsharp=0.0, ambient=1.0, specular=0.0)
     return np.where(covered[:, :, None], rgb, picture)
 

@@ -12,7 +12,6 @@ from michell_cad.cad.formats import FORMATS, ExportOptions, FormatName, export_s
 from michell_cad.cad.glb import export_glb
 from michell_cad.cad.keep import KeptSolid, keep_material, kept_shape
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
-from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.preview import PreviewMesh, preview_truss
@@ -23,6 +22,7 @@ from michell_cad.cad.stl import export_stl
 from michell_cad.cad.target_volume import resolve_radius
 from michell_cad.cad.threemf import export_3mf
 from michell_cad.cad.unite import unite
+from michell_cad.palette import COLOURS
 
 __all__ = [
     "COLOURS",

@@ -6,9 +6,9 @@ from typing import Any
 
 from michell_cad.cad.bars import plan_bars
 from michell_cad.cad.node_bodies import plan_nodes
-from michell_cad.cad.palette import GROUPS, NODES
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.errors import GeometryKernelError
+from michell_cad.palette import GROUPS, NODES
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze
-from michell_cad.cad.palette import GROUPS
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.threemf import CORE, VERTEX, model_file, write_rows
 from michell_cad.files import path_with_suffix, writing
+from michell_cad.palette import GROUPS
 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
 

@@ -5,11 +5,13 @@ This is all that the solid needs to know of a curve, so that any spline represen
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
+from michell_cad.compiled import compiled
 from michell_cad.splines import MemberSplines
 
 SAMPLES = 17
@@ -57,32 +59,40 @@ def points_at(
     points: Float[np.ndarray, "n k 3"], s: Float[np.ndarray, "n j"], slope: bool = False
 ) -> Float[np.ndarray, "n j 3"]:
     """Points, or derivatives, of the cubics through the four samples nearest to the fractions `s` of each row."""
-    n, k, _ = points.shape
-    x = np.clip(s, 0, 1) * (k - 1)
-    first = np.clip(np.floor(x).astype(int) - 1, 0, k - 4)
+    found = np.empty((*s.shape, 3))
+    fill_points(points, s, slope, found)
+    return found
+
+
+def _point_at(points: Any, s: float, slope: bool, target: Any) -> None:
+    """Write the point at the fraction s of a row of samples (k, 3), or the derivative by the number of the sample."""
+    k = len(points)
+    x = min(max(s, 0.0), 1.0) * (k - 1)
+    first = min(max(int(np.floor(x)) - 1, 0), k - 4)
     t = x - first
-    weights = (
-        _lagrange(t)
-        if not slope
-        else (
-            -((t - 2) * (t - 3) + (t - 1) * (t - 3) + (t - 1) * (t - 2)) / 6,
-            ((t - 2) * (t - 3) + t * (t - 3) + t * (t - 2)) / 2,
-            -((t - 1) * (t - 3) + t * (t - 3) + t * (t - 1)) / 2,
-            ((t - 1) * (t - 2) + t * (t - 2) + t * (t - 1)) / 6,
+    if slope:
+        a = -((t - 2) * (t - 3) + (t - 1) * (t - 3) + (t - 1) * (t - 2)) / 6
+        b = ((t - 2) * (t - 3) + t * (t - 3) + t * (t - 2)) / 2
+        c = -((t - 1) * (t - 3) + t * (t - 3) + t * (t - 1)) / 2
+        d = ((t - 1) * (t - 2) + t * (t - 2) + t * (t - 1)) / 6
+    else:
+        a, b = -(t - 1) * (t - 2) * (t - 3) / 6, t * (t - 2) * (t - 3) / 2
+        c, d = -t * (t - 1) * (t - 3) / 2, t * (t - 1) * (t - 2) / 6
+    for i in range(3):
+        target[i] = (
+            a * points[first, i] + b * points[first + 1, i] + c * points[first + 2, i] + d * points[first + 3, i]
         )
-    )
-    rows = np.arange(n)[:, None]
-    return np.sum([w[..., None] * points[rows, first + i] for i, w in enumerate(weights)], axis=0)
 
 
-def _lagrange(t: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Weights of the cubic through values at 0, 1, 2 and 3."""
-    return (
-        -(t - 1) * (t - 2) * (t - 3) / 6,
-        t * (t - 2) * (t - 3) / 2,
-        -t * (t - 1) * (t - 3) / 2,
-        t * (t - 1) * (t - 2) / 6,
-    )
+def _fill_points(points: Any, s: Any, slope: bool, found: Any) -> None:
+    """`point_at` of row n of points (n, k, 3) at each of s (n, j)."""
+    for n in range(s.shape[0]):
+        for j in range(s.shape[1]):
+            point_at(points[n], s[n, j], slope, found[n, j])
+
+
+point_at = compiled(_point_at)
+fill_points = compiled(_fill_points)
 
 
 def samples_of(splines: MemberSplines) -> int:

@@ -11,10 +11,11 @@ from jaxtyping import Float, Int
 from scipy.spatial import KDTree
 
 from michell_cad.arrays import freeze
+from michell_cad.cad.balls import Balls
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.simplify import Joint
 from michell_cad.splines import MemberSplines
-from michell_cad.truss import SizedTruss, member_radius
+from michell_cad.truss import SizedTruss, Truss, member_radius
 from michell_cad.truss.draft import RANKS
 
 BALLS_PER_RADIUS = 2.0
@@ -56,6 +57,8 @@ class Crossings:
 def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
     """Members without a common node that overlap, on the design curves."""
     truss = sized.truss
+    if not len(truss.members):
+        return Crossings(np.zeros((0, 2), int), np.zeros(0), np.zeros((0, 3)))
     owner, s = _place_balls(splines.lengths, sized.radii.max(1))
     points = np.empty((len(owner), 3))
     counts = np.bincount(owner, minlength=len(truss.members))
@@ -63,12 +66,10 @@ def crossing_members(sized: SizedTruss, splines: MemberSplines) -> Crossings:
         rows = counts[owner] == n
         members = np.flatnonzero(counts == n)
         points[rows] = splines.some(members).positions(s[rows].reshape(-1, n)[0]).reshape(-1, 3)
-    r = member_radius(sized.radii[owner], s)
-    pair, depth = _overlaps(points, r)
-    a, b = owner[pair].T
-    ends_a, ends_b = truss.members[a], truss.members[b]
-    apart = (a != b) & (ends_a[:, :, None] != ends_b[:, None, :]).all((1, 2))
-    return _deepest(a[apart], b[apart], depth[apart], points[pair[apart]].mean(1))
+    balls = Balls.of(owner, points, member_radius(sized.radii[owner], s))
+    everywhere = np.full((len(truss.members), 2), np.inf)
+    pair, depth = balls.overlaps(TOUCHING, truss.members, truss.nodes, everywhere)
+    return _deepest(owner[pair], depth, points[pair].mean(1))
 
 
 def crossing_tubes(prepared: PreparedTruss) -> Crossings:
@@ -76,57 +77,48 @@ def crossing_tubes(prepared: PreparedTruss) -> Crossings:
 
     A sphere stands for one of the members of its node.
     """
-    truss, sizes = prepared.sized.truss, prepared.sizes
-    owner, points, r = _tube_balls(prepared)
-    pair, depth = _overlaps(points, r)
-    a, b = owner[pair].T
-    keep = a != b
-    pair, depth, a, b = pair[keep], depth[keep], a[keep], b[keep]
-    same = truss.members[a][:, :, None] == truss.members[b][:, None, :]
-    near = np.zeros(len(a), bool)
-    row, side_a, side_b = np.nonzero(same)
-    X = truss.nodes[truss.members[a[row], side_a]]
-    reach = sizes.reach.reshape(-1, 2)
-    room = AT_NODE * np.maximum(reach[a[row], side_a], reach[b[row], side_b]) + r[pair[row]].max(1)
-    close = np.linalg.norm(points[pair[row]] - X[:, None], axis=2).min(1) < room
-    near[row[close]] = True
-    node, member, sphere_depth = crossing_spheres(prepared)
+    truss = prepared.sized.truss
+    balls = _tube_balls(prepared)
+    room = AT_NODE * prepared.sizes.reach.reshape(-1, 2)
+    pair, depth = balls.overlaps(TOUCHING, truss.members, truss.nodes, room)
+    node, member, sphere_depth = crossing_spheres(prepared, balls)
     some_member = np.zeros(len(truss.nodes), int)
     some_member[truss.members.ravel()] = np.arange(truss.members.size) // 2
     return _deepest(
-        np.concatenate([a[~near], some_member[node]]),
-        np.concatenate([b[~near], member]),
-        np.concatenate([depth[~near], sphere_depth]),
-        np.concatenate([points[pair[~near]].mean(1), truss.nodes[node]]),
+        np.concatenate([balls.owner[pair], np.stack([some_member[node], member], axis=1)]),
+        np.concatenate([depth, sphere_depth]),
+        np.concatenate([balls.points[pair].mean(1), truss.nodes[node]]),
     )
 
 
 def crossing_spheres(
-    prepared: PreparedTruss,
+    prepared: PreparedTruss, balls: Balls | None = None
 ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Nodes whose spheres overlap members of other nodes, or their spheres: (node, member, depth in mm)."""
+    """Nodes whose spheres overlap members of other nodes, or their spheres: (node, member, depth in mm).
+
+    `balls` are those of the tubes, if they are known.
+    """
     truss, R = prepared.sized.truss, prepared.sizes.radius
-    owner, points, r = _tube_balls(prepared)
-    # The two spheres of a member are balls of it as well.
-    ends = truss.members.ravel()
-    sphere = np.concatenate([np.full(len(owner), -1), ends])
-    owner = np.concatenate([owner, np.arange(len(ends)) // 2])
-    points, r = np.concatenate([points, truss.nodes[ends]]), np.concatenate([r, R[ends]])
-    used = np.unique(ends)
-    near = KDTree(points).query_ball_point(truss.nodes[used], R[used] + r.max())
-    node = np.repeat(used, [len(balls) for balls in near])
-    ball = np.concatenate([np.zeros(0, int), *(np.array(balls, int) for balls in near)])
-    depth = TOUCHING * (R[node] + r[ball]) - np.linalg.norm(points[ball] - truss.nodes[node], axis=1)
-    own = (truss.members[owner[ball]] == node[:, None]).any(1) | (sphere[ball] == node)
-    hit = np.flatnonzero((depth > 0) & ~own)
-    neighbours = set(map(tuple, np.sort(truss.members, axis=1).tolist()))
-    pairs = np.sort(np.stack([node[hit], sphere[ball[hit]]], axis=1), axis=1).tolist()
-    hit = hit[np.array([tuple(pair) not in neighbours for pair in pairs], bool)]
-    return node[hit], owner[ball[hit]], depth[hit]
+    used = np.unique(truss.members)
+    balls = _tube_balls(prepared) if balls is None else balls
+    tubes = balls.inside(TOUCHING, truss.members, used, truss.nodes, R)
+    spheres = _crossing_spheres(truss, used, R)
+    return tuple(np.concatenate(columns) for columns in zip(tubes, spheres, strict=True))  # pyright: ignore[reportReturnType]
 
 
-def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Member, centre and radius of balls along all tubes."""
+def _crossing_spheres(truss: Truss, used: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes whose spheres overlap the sphere of a node that is no neighbour: each with the members of the other."""
+    pair = used[KDTree(truss.nodes[used]).query_pairs(2 * TOUCHING * R[used].max(), output_type="ndarray")]
+    depth = TOUCHING * R[pair].sum(1) - np.linalg.norm(truss.nodes[pair[:, 0]] - truss.nodes[pair[:, 1]], axis=1)
+    n = len(truss.nodes)
+    apart = ~np.isin(np.sort(pair, axis=1) @ [n, 1], truss.members @ [n, 1])
+    pair, depth = pair[apart & (depth > 0)], depth[apart & (depth > 0)]
+    row, end = np.nonzero(np.concatenate([pair[:, 1], pair[:, 0]])[:, None] == truss.members.ravel())
+    return np.concatenate([pair[:, 0], pair[:, 1]])[row], end // 2, np.tile(depth, 2)[row]
+
+
+def _tube_balls(prepared: PreparedTruss) -> Balls:
+    """Balls along all tubes."""
     tubes = prepared.tubes
     fine = np.linspace(0, 1, max(33, 4 * int(tubes.sections.max()) + 1))
     spine = tubes.spine_points(fine)
@@ -136,7 +128,7 @@ def _tube_balls(prepared: PreparedTruss) -> tuple[np.ndarray, np.ndarray, np.nda
     low = np.minimum(x.astype(int), len(fine) - 2)
     w = (x - low)[:, None]
     points = (1 - w) * spine[owner, low] + w * spine[owner, low + 1]
-    return owner, points, member_radius(tubes.radii[owner], t)
+    return Balls.of(owner, points, member_radius(tubes.radii[owner], t))
 
 
 def resolve_crossings(prepared: PreparedTruss) -> tuple[list[tuple[int, int]], list[Joint]]:
@@ -193,18 +185,12 @@ def _place_balls(lengths: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np
     return owner, local / (n[owner] - 1)
 
 
-def _overlaps(points: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if not len(points):
-        return np.zeros((0, 2), int), np.zeros(0)
-    pair = KDTree(points).query_pairs(2 * TOUCHING * r.max(), output_type="ndarray")
-    depth = TOUCHING * r[pair].sum(1) - np.linalg.norm(points[pair[:, 0]] - points[pair[:, 1]], axis=1)
-    return pair[depth > 0], depth[depth > 0]
-
-
-def _deepest(a: np.ndarray, b: np.ndarray, depth: np.ndarray, points: np.ndarray) -> Crossings:
+def _deepest(
+    members: Int[np.ndarray, "k 2"], depth: Float[np.ndarray, " k"], points: Float[np.ndarray, "k 3"]
+) -> Crossings:
     """One entry per pair of members, the deepest."""
-    low, high = np.minimum(a, b), np.maximum(a, b)
+    pairs = np.sort(members, axis=1)
     order = np.argsort(-depth, kind="stable")
-    _, first = np.unique(np.stack([low, high], axis=1)[order], axis=0, return_index=True)
+    _, first = np.unique(pairs[order], axis=0, return_index=True)
     chosen = order[np.sort(first)]
-    return Crossings(np.stack([low, high], axis=1)[chosen], depth[chosen], points[chosen])
+    return Crossings(pairs[chosen], depth[chosen], points[chosen])

@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from michell_cad.cad.mesh import TrussMesh
 from michell_cad.cad.mesh_groups import coloured_triangles, own_vertices
-from michell_cad.cad.palette import group_colour
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.files import path_with_suffix, writing
+from michell_cad.palette import group_colour
 
 METRES = 1e-3
 """Metres in a millimetre."""

@@ -23,9 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from michell_cad.cad.aiming import size_nodes
 from michell_cad.cad.centerlines import SMOOTHINGS, Centerlines, points_at, sample_splines, smooth_curves
 from michell_cad.cad.mitres import Mitre
-from michell_cad.cad.nodes import CREASE_CLEARANCE, NodeSizes, angles_between, node_levels, size_nodes
+from michell_cad.cad.nodes import CREASE_CLEARANCE, NodeSizes, angles_between, node_levels
 from michell_cad.cad.spheres import Seams, no_seams
 from michell_cad.cad.tubes import Tubes
 from michell_cad.knobs import Knobs
@@ -34,16 +35,6 @@ from michell_cad.truss import SizedTruss
 
 SHORTEST_TUBE = 0.3
 """Length of tube that must be left between two nodes (relative to the mean radius of its ends)."""
-
-AIM_GROWTH, AIM_POWER = 1.4, 0.6
-"""A member whose tube begins x times as far as it aims aims x^`AIM_POWER` times as far, but not more than `AIM_GROWTH`
-times: its rivals do the same, and both then begin earlier (1 / x for two curves that touch in the node)."""
-
-AIM_ENOUGH = 1.03
-"""A tube that begins farther out than it aims by less than this factor is let be (relative)."""
-
-FARTHEST_AIM = 0.6
-"""No member aims farther than this along its curve by itself: the rest is its other node's (relative to its length)."""
 
 FARTHEST_CELLS = 1.25
 """Members without room aim at most this far (relative to the cell edge): the far node of a member of many cells tells
@@ -60,9 +51,6 @@ SHAKE = 1.06
 
 STRAIGHTENED = 4
 """Members of a node that was faulty so often become straight."""
-
-NUDGE = np.radians(0.7)
-"""Directions of creased members in special position are turned by multiples of this angle."""
 
 
 @dataclass(eq=False)
@@ -103,6 +91,7 @@ class Layout:
         n_n = len(self.sized.truss.nodes)
         self.order = np.argsort(self.node, kind="stable")
         self.bounds = np.searchsorted(self.node[self.order], np.arange(n_n + 1))
+        self.radii = self.sized.radii[:, [0, 2]].ravel()
         self.last = len(node_levels(self.knobs.node_ratio)) - 1
 
     def ends_of(self, i: int) -> np.ndarray:
@@ -192,12 +181,15 @@ def shake(layout: Layout, times: np.ndarray) -> None:
     Their spheres grow a bit; from the second time on their members are also turned a little and their fillets smaller,
     and at last the members are straight.
     """
-    layout.shakes = times
-    layout.growth = np.maximum(layout.growth, SHAKE**times)
-    layout.nudges, layout.level = times // 2, np.minimum(times // 2, layout.last)
-    straight = np.flatnonzero((times[layout.sized.truss.members] >= STRAIGHTENED).any(1))
+    members = layout.sized.truss.members
+    nodes, layout.shakes = np.flatnonzero(times > layout.shakes), times
+    layout.growth[nodes] = np.maximum(layout.growth[nodes], SHAKE ** times[nodes])
+    layout.nudges[nodes], layout.level[nodes] = times[nodes] // 2, np.minimum(times[nodes] // 2, layout.last)
+    straight = (times[members] >= STRAIGHTENED).any(1) & (layout.smoothed < len(SMOOTHINGS))
     layout.smoothed[straight] = len(SMOOTHINGS)
     layout.points[straight] = smooth_curves(layout.design.points[straight], layout.smoothed[straight])
+    layout.stale[nodes] = True
+    layout.stale[members[straight]] = True
 
 
 def _sample_new(splines: MemberSplines, known: Layout) -> Centerlines:
@@ -261,11 +253,11 @@ def _aim_farther(layout: Layout, members: np.ndarray) -> np.ndarray:
     sizes, chords = layout.sizes, layout.sized.truss.lengths[members]
     reach, r = (sizes[name].reshape(-1, 2)[members] for name in ("reach", "end_radius"))
     rival = sizes["rival"].reshape(-1, 2)[members]
-    tips = np.where(rival >= 0, reach, 0.0)
-    share = (chords - SHORTEST_TUBE * r.mean(1) - (reach - tips).sum(1)) / np.maximum(tips.sum(1), 1e-12)
+    tips, rest = np.where(rival >= 0, reach, 0.0), np.where(rival >= 0, 0.0, reach)
+    share = (chords - SHORTEST_TUBE * r.mean(1) - rest.sum(1)) / np.maximum(tips.sum(1), 1e-12)
     row, side = np.nonzero((rival >= 0) & np.isfinite(reach))
     e, q = 2 * members[row] + side, rival[row, side]
-    room = (reach * share[:, None])[row, side] - CREASE_CLEARANCE * sizes["end_radius"][e]
+    room = reach[row, side] * share[row] - CREASE_CLEARANCE * sizes["end_radius"][e]
     needed = 2 * np.arctan((sizes["end_radius"] + sizes["fillet"])[e] / np.maximum(room, 1e-12))
     aims = np.maximum(layout.aim[e], layout.aim[q])[:, None] * AIM_STEPS
     d = [_directions(layout, end, np.minimum(aims, layout.farthest[end][:, None])) for end in (e, q)]
@@ -289,37 +281,29 @@ def _directions(layout: Layout, ends: np.ndarray, aims: np.ndarray) -> np.ndarra
     return d / np.linalg.norm(d, axis=2, keepdims=True)
 
 
-def _point_ends(layout: Layout, ends: np.ndarray) -> None:
-    """Directions of some ends."""
-    d = _directions(layout, ends, layout.aim[ends][:, None])[:, 0]
-    nudges = layout.nudges[layout.node[ends]]
-    k = np.flatnonzero(nudges)
-    if len(k):
-        axis = np.cross(d[k], np.roll(d[k], 1, axis=1) + np.array([0.3, -0.2, 0.1]))
-        axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-        # Different for every member of the node, the same in every run.
-        size = NUDGE * nudges[k] * (1 + (7 * (ends[k] // 2) + ends[k] % 2) % 5) / 3
-        d[k] += np.tan(size)[:, None] * np.cross(axis, d[k])
-        d[k] /= np.linalg.norm(d[k], axis=1, keepdims=True)
-    layout.directions.reshape(-1, 3)[ends] = d
-
-
 def _size_stale(layout: Layout) -> None:
-    """Size the stale nodes; ends aim farther until their tubes begin where they aim."""
-    nodes, ends = np.flatnonzero(layout.stale), layout.ends_at(layout.stale)
+    """Size the stale nodes; their ends aim farther until their tubes begin where they aim."""
+    nodes, ends, sizes = np.flatnonzero(layout.stale), layout.ends_at(layout.stale), layout.sizes
     layout.unfit[ends // 2] = True
     layout.unplaced[nodes] = True
     layout.aim[ends] = np.maximum(_rest_reach(layout, ends), layout.lift[ends])
-    while len(ends):
-        _point_ends(layout, ends)
-        _size(layout, nodes, ends)
-        aim, wanted = layout.aim[ends], np.minimum(layout.sizes["reach"], FARTHEST_AIM * layout.lengths.repeat(2))[ends]
-        early = wanted > AIM_ENOUGH * aim
-        layout.aim[ends[early]] = (np.minimum((wanted / aim) ** AIM_POWER, AIM_GROWTH) * aim)[early]
-        # The room of a node depends on all its ends.
-        again = np.zeros(len(layout.stale), bool)
-        again[layout.node[ends[early]]] = True
-        nodes, ends = nodes[again[nodes]], ends[again[layout.node[ends]]]
+    levels = node_levels(layout.knobs.node_ratio)
+    room = np.array([(level.smallest_ratio, level.largest_ratio) for level in levels])[layout.level]
+    fillet = layout.knobs.fillet_ratio * np.array([level.largest_fillet for level in levels])[layout.level]
+    size_nodes(
+        nodes,
+        layout.order,
+        layout.bounds,
+        layout.points,
+        layout.lengths,
+        layout.radii,
+        layout.nudges,
+        room * layout.growth[:, None],
+        fillet,
+        layout.aim,
+        layout.directions.reshape(-1, 3),
+        *(sizes[name] for name in ("radius", "end_radius", "fillet", "reach", "creased", "rival")),
+    )
 
 
 def _rest_reach(layout: Layout, ends: np.ndarray) -> np.ndarray:
@@ -328,27 +312,7 @@ def _rest_reach(layout: Layout, ends: np.ndarray) -> np.ndarray:
     ratio, fillet = np.array([(level.smallest_ratio, level.largest_fillet) for level in levels]).T
     fillet = fillet * layout.knobs.fillet_ratio
     level = layout.level[layout.node[ends]]
-    return layout.sized.radii[:, [0, 2]].ravel()[ends] * np.sqrt((ratio + fillet) ** 2 - (1 + fillet) ** 2)[level]
-
-
-def _size(layout: Layout, nodes: np.ndarray, ends: np.ndarray) -> None:
-    """Size some nodes, with these ends."""
-    number = np.zeros(len(layout.stale), int)
-    number[nodes] = np.arange(len(nodes))
-    found = size_nodes(
-        number[layout.node[ends]],
-        layout.directions.reshape(-1, 3)[ends],
-        layout.sized.radii[:, [0, 2]].ravel()[ends],
-        len(nodes),
-        layout.knobs.fillet_ratio,
-        node_levels(layout.knobs.node_ratio),
-        layout.level[nodes],
-        layout.growth[nodes],
-    )
-    layout.sizes["radius"][nodes] = found.radius
-    for name in ("end_radius", "fillet", "reach", "creased"):
-        layout.sizes[name][ends] = getattr(found, name)
-    layout.sizes["rival"][ends] = np.where(found.rival >= 0, ends[found.rival], -1)
+    return layout.radii[ends] * np.sqrt((ratio + fillet) ** 2 - (1 + fillet) ** 2)[level]
 
 
 def _is_tight(layout: Layout, members: np.ndarray) -> np.ndarray:

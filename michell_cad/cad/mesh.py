@@ -115,12 +115,10 @@ def mesh_truss(prepared: PreparedTruss, segments: int = SEGMENTS) -> TrussMesh:
     outlines = {i: add_mitre(mesh, p, i, tube_ring, angles, around) for i in sharp}
     outlines |= add_creases(mesh, p, tube_ring, angles, area, FILLET_BANDS)
     _add_spheres(mesh, p, sphere_ring, around, outlines)
-    return TrussMesh(
-        np.concatenate(mesh.points),
-        np.concatenate(mesh.triangles),
-        np.concatenate(mesh.roles),
-        np.concatenate(mesh.owners),
-    )
+    tables = [np.concatenate(blocks) for blocks in (mesh.points, mesh.triangles, mesh.roles, mesh.owners)]
+    for table in tables:
+        table.flags.writeable = False  # so that they are not copied
+    return TrussMesh(*tables)
 
 
 def _bands(rings: np.ndarray) -> np.ndarray:

@@ -1,11 +1,14 @@
 """Parts of a mesh while it grows, and what several kinds of nodes need."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from michell_cad.cad.mitres import SPHERE
+from michell_cad.cad.mitre_cuts import SPHERE
 from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.vectors import cross, dot, triple
+from michell_cad.compiled import compiled
 
 TURN = 2 * np.pi
 
@@ -56,20 +59,21 @@ def widened_arc(angle: np.ndarray, bands: int) -> np.ndarray:
     return np.concatenate([np.repeat(factor, bands - 1, axis=1), np.ones_like(factor)], axis=1)
 
 
-def zip_rings(u_a: np.ndarray, a: np.ndarray, u_b: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _zip_rings(u_a: Any, a: Any, u_b: Any, b: Any) -> Any:
     """Triangles between two rings that start at angle 0, given the angles of their vertices; a is the lower one."""
-    triangles = []
-    i = j = 0
     n_a, n_b = len(a), len(b)
-    u_a, u_b = np.append(u_a, TURN), np.append(u_b, TURN)
+    triangles = np.empty((n_a + n_b, 3), np.int64)
+    i = j = 0
     while i < n_a or j < n_b:
-        if j == n_b or (i < n_a and u_a[i + 1] <= u_b[j + 1]):
-            triangles.append((a[i % n_a], a[(i + 1) % n_a], b[j % n_b]))
+        next_a, next_b = u_a[i + 1] if i + 1 < n_a else TURN, u_b[j + 1] if j + 1 < n_b else TURN
+        row = triangles[i + j]
+        if j == n_b or (i < n_a and next_a <= next_b):
+            row[0], row[1], row[2] = a[i % n_a], a[(i + 1) % n_a], b[j % n_b]
             i += 1
         else:
-            triangles.append((a[i % n_a], b[(j + 1) % n_b], b[j % n_b]))
+            row[0], row[1], row[2] = a[i % n_a], b[(j + 1) % n_b], b[j % n_b]
             j += 1
-    return np.array(triangles)
+    return triangles
 
 
 def mitre_area(p: PreparedTruss, i: int) -> tuple[float, int]:
@@ -79,32 +83,43 @@ def mitre_area(p: PreparedTruss, i: int) -> tuple[float, int]:
     chi the Euler number of the caps' union, dtheta the arcs of the boundary and tau its turns at the corners.
     """
     node = p.mitres[i]
-    total = 0.0
-    starts: dict[int, np.ndarray] = {}
-    stops: dict[int, np.ndarray] = {}
-    following: dict[int, int] = {}
-    for k, e in enumerate(node.ends):
-        for piece in node.mitre.pieces[k]:
-            if piece.neighbour == SPHERE:
-                total += float(np.cos(p.caps[e]) * (piece.stop - piece.start))
-                d = p.directions[e]
-                starts[piece.first] = -np.cross(d, node.mitre.corners[piece.first])
-                stops[piece.last] = -np.cross(d, node.mitre.corners[piece.last])
-                following[piece.last] = piece.first
-    for c, arriving in starts.items():
-        # Against the direction of the arcs: along the arc that starts here, then along the one that stops here.
-        leaving = stops[c]
-        normal = node.mitre.corners[c] / np.linalg.norm(node.mitre.corners[c])
-        total -= float(np.arctan2(np.cross(arriving, leaving) @ normal, arriving @ leaving))
-    loops = 0
-    while following:
-        loops += 1
-        c = next(iter(following))
-        while c in following:
-            c = following.pop(c)
-    groups = np.arange(len(node.ends))
-    for k, path in enumerate(node.mitre.pieces):
-        for piece in path:
-            if piece.neighbour != SPHERE:
-                groups[groups == groups[piece.neighbour]] = groups[k]
-    return total, 2 * len(np.unique(groups)) - loops
+    pieces = [piece for path in node.mitre.pieces for piece in path]
+    links = np.array([(piece.end, piece.neighbour, piece.first, piece.last) for piece in pieces])
+    widths = np.array([piece.stop - piece.start for piece in pieces])
+    return sum_arcs(links, widths, node.mitre.corners, p.directions[node.ends], np.cos(p.caps[node.ends]))
+
+
+def _sum_arcs(links: Any, widths: Any, corners: Any, d: Any, cosine: Any) -> tuple[float, int]:
+    """See `mitre_area`; links (end, neighbour, first corner, last corner) and widths are those of the pieces."""
+    k, n = len(d), len(corners)
+    begins, stops, following = np.full(n, -1), np.full(n, -1), np.full(n, -1)
+    groups, arriving, leaving = np.arange(k), np.empty(3), np.empty(3)
+    total, loops, unions = 0.0, 0, k
+    for piece in range(len(links)):
+        e, j, first, last = links[piece]
+        if j == SPHERE:
+            total += cosine[e] * widths[piece]
+            begins[first], stops[last], following[last] = e, e, first
+        elif groups[e] != groups[j]:
+            old, unions = groups[j], unions - 1
+            for other in range(k):
+                if groups[other] == old:
+                    groups[other] = groups[e]
+    for c in range(n):
+        if begins[c] >= 0:
+            # Against the direction of the arcs: along the arc that starts here, then along the one that stops here.
+            x = corners[c]
+            cross(x, d[begins[c]], arriving)
+            cross(x, d[stops[c]], leaving)
+            total -= np.arctan2(triple(arriving, leaving, x) / np.sqrt(dot(x, x)), dot(arriving, leaving))
+    for c in range(n):
+        loops += following[c] >= 0
+        at = c
+        while following[at] >= 0:
+            ahead = following[at]
+            following[at], at = -1, ahead
+    return total, 2 * unions - loops
+
+
+zip_rings = compiled(_zip_rings)
+sum_arcs = compiled(_sum_arcs)

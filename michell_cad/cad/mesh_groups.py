@@ -7,10 +7,10 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from michell_cad.cad.palette import GROUPS, KEPT, NODES
 from michell_cad.cad.prepared import PreparedTruss
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import TrussSolid, curve_of_part
+from michell_cad.palette import GROUPS, KEPT, NODES
 
 
 def coloured_triangles(solid: TrussSolid) -> dict[str, Int[np.ndarray, "t 3"]]:

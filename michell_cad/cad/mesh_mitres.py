@@ -3,7 +3,7 @@
 import numpy as np
 
 from michell_cad.cad.mesh_blocks import TURN, Outline, mitre_area, zip_rings
-from michell_cad.cad.mitres import SPHERE
+from michell_cad.cad.mitre_cuts import SPHERE
 from michell_cad.cad.shell_plan import FaceRole
 
 

@@ -13,19 +13,14 @@ With fillets of radius f, these are the offsets of the tubes and the sphere, r +
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
 
-SPHERE = -1
-"""Stands for the sphere where a number of a member would name a neighbour."""
+from michell_cad.cad.mitre_cuts import cut, envelopes
 
 SHORTEST_EDGE = 0.01
 """Edges of a mitre are at least this long (relative to r): what is shorter comes from members in special position."""
-
-SAME_POINT = 1e-6
-"""Corners computed from different members agree within this distance (relative to r)."""
 
 
 @dataclass(frozen=True)
@@ -71,121 +66,18 @@ def cut_mitre(
     normals : unit vectors at angle 0 around each member.
     R, r : radii of the sphere and of all the tubes, mm.
     """
-    H = np.sqrt(R**2 - r**2)
-    binormals = np.cross(directions, normals)
-    planes = _bisectors(directions, normals, binormals, r)
-    breaks = [_envelope(e, *planes, H) for e in range(len(directions))]
-    corners: list[np.ndarray] = []
-    keys: list[frozenset] = []
-    seen: list[int] = []
-
-    def corner(point: np.ndarray, key: frozenset) -> int:
-        for c, other in enumerate(corners):
-            if keys[c] == key and np.linalg.norm(point - other) < SAME_POINT * r:
-                seen[c] += 1
-                return c
-        corners.append(point)
-        keys.append(key)
-        seen.append(1)
-        return len(corners) - 1
-
-    paths: list[list[tuple[int, float, int]]] = []
-    for e, found in enumerate(breaks):
-        path = []
-        for i, (u, neighbour) in enumerate(found):
-            before = found[i - 1][1]
-            height = _height(u, neighbour, e, planes, H)
-            point = height * directions[e] + r * (np.cos(u) * normals[e] + np.sin(u) * binormals[e])
-            path.append((neighbour, u, corner(point, frozenset((e, neighbour, before)))))
-        paths.append(path)
-    if any(count != len(key - {SPHERE}) for count, key in zip(seen, keys, strict=True)):
+    found, corners, links, spans = cut(directions, normals, R, r)
+    if not found or (spans[:, 1] - spans[:, 0]).min() < SHORTEST_EDGE:
         return None
-    pieces = _close_paths(paths, planes, directions, normals, binormals, H, r, corners)
-    spans = np.array([(piece.stop - piece.start) for path in pieces for piece in path])
-    if spans.min() < SHORTEST_EDGE:
-        return None
-    return Mitre(np.array(corners), pieces)
-
-
-def _bisectors(
-    directions: np.ndarray, normals: np.ndarray, binormals: np.ndarray, r: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (a, b)[e, j] of v = a cos u + b sin u on the plane that bisects ends e and j; 0 for e itself."""
-    tangent = np.linalg.norm(directions[:, None] - directions, axis=2)
-    np.fill_diagonal(tangent, 1.0)
-    size = r * np.linalg.norm(directions[:, None] + directions, axis=2) / tangent
-    along, across = normals @ directions.T, binormals @ directions.T
-    toward = np.maximum(np.hypot(along, across), np.finfo(float).tiny)
-    np.fill_diagonal(size, 0.0)
-    return size * along / toward, size * across / toward
-
-
-def _height(u: float, neighbour: int, e: int, planes: tuple[np.ndarray, np.ndarray], H: float) -> float:
-    if neighbour == SPHERE:
-        return H
-    return planes[0][e, neighbour] * np.cos(u) + planes[1][e, neighbour] * np.sin(u)
-
-
-def _envelope(e: int, a: np.ndarray, b: np.ndarray, H: float) -> list[tuple[float, int]]:
-    """Breakpoints of the envelope around end e: (angle, neighbour from there on), ascending; empty if all sphere."""
-    a, b = a[e], b[e]
-    size = np.hypot(a, b)
-    rivals = [int(j) for j in np.flatnonzero(size > H) if j != e]
-    angles: list[float] = []
-    for i, j in enumerate(rivals):
-        middle, half = np.arctan2(b[j], a[j]), np.arccos(H / size[j])
-        angles += [middle - half, middle + half]
-        for k in rivals[i + 1 :]:
-            zero = np.arctan2(-(a[j] - a[k]), b[j] - b[k])
-            angles += [zero, zero + np.pi]
-    if not angles:
-        return []
-    u = np.unique(np.mod(angles, 2 * np.pi))
-    middle = (u + np.r_[u[1:], u[0] + 2 * np.pi]) / 2
-    heights = [np.full(len(u), H)] + [a[j] * np.cos(middle) + b[j] * np.sin(middle) for j in rivals]
-    top = np.array([SPHERE, *rivals])[np.argmax(heights, axis=0)]
-    changes = top != np.roll(top, 1)
-    return [(float(x), int(j)) for x, j in zip(u[changes], top[changes], strict=True)]
-
-
-def _close_paths(paths, planes, directions, normals, binormals, H, r, corners):
-    """Pieces between consecutive breakpoints, cut where an end or its neighbour has its angle 0."""
-    k = len(paths)
-    zero: list[int] = []
-    for e in range(k):
-        neighbour = paths[e][-1][0] if paths[e] else SPHERE
-        height = _height(0.0, neighbour, e, planes, H)
-        zero.append(len(corners))
-        corners.append(height * directions[e] + r * normals[e])
-    result = []
-    for e in range(k):
-        path = paths[e]
-        turns = [(j, u, c, path[(i + 1) % len(path)]) for i, (j, u, c) in enumerate(path)]
-        pieces: list[Piece] = []
-        if not path:
-            result.append((Piece(e, SPHERE, 0.0, 2 * np.pi, zero[e], zero[e]),))
-            continue
-        for j, u, c, (_, stop, last) in turns:
-            stop = stop if stop > u else stop + 2 * np.pi
-            marks = [(u, c), (stop, last)]
-            if stop > 2 * np.pi:
-                marks.append((2 * np.pi, zero[e]))
-            if j != SPHERE and paths[j] and paths[j][-1][0] == e:
-                foot = corners[zero[j]]
-                where = np.mod(np.arctan2(foot @ binormals[e], foot @ normals[e]), 2 * np.pi)
-                marks.append((where if where > u else where + 2 * np.pi, zero[j]))
-            marks.sort()
-            for (u_0, c_0), (u_1, c_1) in pairwise(marks):
-                shift = 2 * np.pi if u_0 >= 2 * np.pi else 0.0
-                pieces.append(Piece(e, j, u_0 - shift, u_1 - shift, c_0, c_1))
-        result.append(tuple(sorted(pieces, key=lambda piece: piece.start)))
-    return tuple(result)
+    pieces: list[list[Piece]] = [[] for _ in directions]
+    for (end, neighbour, first, last), (start, stop) in zip(links.tolist(), spans.tolist(), strict=True):
+        pieces[end].append(Piece(end, neighbour, start, stop, first, last))
+    return Mitre(corners, tuple(tuple(sorted(path, key=lambda piece: piece.start)) for path in pieces))
 
 
 def corner_angles(
     directions: Float[np.ndarray, "k 3"], normals: Float[np.ndarray, "k 3"], R: float, r: float
 ) -> list[Float[np.ndarray, " _"]]:
     """Angles around each end, from its normal, at which its envelope changes from one neighbour to another."""
-    planes = _bisectors(directions, normals, np.cross(directions, normals), r)
-    H = np.sqrt(R**2 - r**2)
-    return [np.array([u for u, _ in _envelope(e, *planes, H)]) for e in range(len(directions))]
+    offsets, angles = envelopes(directions, normals, R, r)[:2]
+    return np.split(angles, offsets[1:-1])

@@ -125,17 +125,18 @@ def _place_unplaced(layout: Layout) -> set[int]:
     sizes = layout.sizes
     a = cap_angle(sizes["radius"][layout.node], sizes["end_radius"], sizes["fillet"])
     valence = layout.bounds[nodes + 1] - layout.bounds[nodes]
-    most = np.array([max((len(v) for v in vertices.get(i, ())), default=1) for i in nodes.tolist()])
-    for k, v in np.unique(np.stack([valence, most], axis=1), axis=0):
-        some = nodes[(valence == k) & (most == v)]
+    for k in np.unique(valence):
+        some = nodes[valence == k]
         ends = layout.order[layout.bounds[some][:, None] + np.arange(k)]
-        at = np.zeros((len(some), k, v))
+        most = max((len(v) for i in some.tolist() for v in vertices.get(i, ())), default=1)
+        at = np.zeros((len(some), k, most))
         group = np.tile(np.arange(k), (len(some), 1))
         for row, i in enumerate(some.tolist()):
             if i in vertices:
                 group[row] = groups[i]
                 for column, angles in enumerate(vertices[i]):
-                    at[row, column] = np.resize(angles, v)
+                    # Filled up by the first: it is there anyway.
+                    at[row, column], at[row, column, : len(angles)] = angles[0], angles
         found = place_seams(Caps(d[ends], a[ends], group, normals[ends], at))
         for name, column in layout.seams.items():
             column[some] = getattr(found, name)

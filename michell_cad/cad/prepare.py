@@ -68,12 +68,14 @@ def prepare_truss(
     GeometryKernelError
         If no change makes the truss buildable; names curves and a radius that works.
     """
-    current = sized if previous is None else previous.sized
-    n_n = len(current.truss.nodes)
-    changes = Changes(np.zeros(n_n, bool), 0, 0, 0, len(sized.truss.members)) if previous is None else previous.changes
-    times = np.zeros(n_n, int) if previous is None else np.array(previous.shakes)
+    if previous is None:
+        layout = start_layout(sized, knobs)
+        changes = Changes(np.zeros(len(sized.truss.nodes), bool), 0, 0, 0, len(sized.truss.members))
+    else:
+        layout = carry_over(previous.layout, previous.sized, np.arange(len(previous.sized.truss.nodes)))
+        changes = previous.changes
+    times = np.array(layout.shakes)
     times[list(shaken)] += 1
-    layout = start_layout(current, knobs)
     shake(layout, times)
     stubborn = [node for node in shaken if times[node] >= STUBBORN]
     merges, detours = _compatible(_join_nearest(layout.sized.truss, stubborn), layout.sized.truss)
@@ -216,7 +218,7 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
         mitres=mitres,
         seams=layout.all_seams(),
         changes=changes,
-        shakes=layout.shakes,
+        layout=layout,
         fallback_nodes={kind: int(mask.sum()) for kind, mask in counts.items() if mask.any()},
         creased_nodes=int((creased & ~sharp).sum()),
         raised_nodes=int((used & (sizes.radius > 1.001 * knobs.node_ratio * widest)).sum()),

@@ -1,7 +1,7 @@
 """A sized truss that is ready to be built: spheres, mitres, seams and tubes all placed, as arrays."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
 from michell_cad.cad.creases import Creases, lay_creases
+from michell_cad.cad.layout import Layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
 from michell_cad.cad.spheres import Seams
@@ -66,7 +67,7 @@ class PreparedTruss:
     mitres : per mitred node.
     seams : per node.
     changes : what was changed in the truss itself.
-    shakes : (n_n,) int, how often the kernel found each node faulty before it was laid out like this.
+    layout : what it was made from, to go on from if the kernel finds faults.
     fallback_nodes : nodes not built by the direct way, by kind.
     creased_nodes : nodes with members at acute angles, whose common crease is filleted.
     raised_nodes : spheres larger than wanted, so that the members leave side by side.
@@ -84,7 +85,7 @@ class PreparedTruss:
     mitres: Mapping[int, NodeMitre]
     seams: Seams
     changes: Changes
-    shakes: Int[np.ndarray, " n_n"]
+    layout: Layout = field(repr=False)
     fallback_nodes: Mapping[str, int]
     creased_nodes: int
     raised_nodes: int
@@ -97,6 +98,11 @@ class PreparedTruss:
     def node_of_end(self) -> Int[np.ndarray, " n_e"]:
         """Node of each end."""
         return self.sized.truss.members.ravel()
+
+    @property
+    def shakes(self) -> Int[np.ndarray, " n_n"]:
+        """How often the kernel found each node faulty before it was laid out like this."""
+        return self.layout.shakes
 
     @cached_property
     def directions(self) -> Float[np.ndarray, "n_e 3"]:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from michell_cad.cad.fits import fit_sines
-from michell_cad.cad.mitres import SPHERE, Piece
+from michell_cad.cad.mitre_cuts import SPHERE
+from michell_cad.cad.mitres import Piece
 from michell_cad.cad.shell_plan import CurveForm, FaceRole, SurfaceForm
 from michell_cad.cad.shell_tables import TURN, Arcs, ShellTables
 

@@ -10,9 +10,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
-from michell_cad.truss import SizedTruss, Truss
+from michell_cad.arrays import expand, frozen
+from michell_cad.truss import Curve, SizedTruss, Truss
 
 
 @dataclass(frozen=True)
@@ -52,31 +53,53 @@ def simplify_truss(
     kinds = np.concatenate([kinds, np.array([joint.kind for joint in joints], kinds.dtype)])
     target = np.r_[target, np.arange(len(target), len(nodes))]
     members = target[truss.members]
-    spans = _Spans(sized, members)
+    near = _near_changes(truss, merges, detours)
+    spans = _Spans(sized, members, near)
     via = {}
     for member, j in detours:
         a, b = (int(x) for x in members[member])
         via[frozenset((a, b))] = int(target[j])
         spans.inherit(member, via[frozenset((a, b))])
-    rows, curves = [], []
-    for curve in truss.curves:
-        row, closed = _tidy(_detour(target[curve.nodes].tolist(), curve.closed, via), curve.closed)
+    curves, rows, closed = [], [], []
+    for curve, touched in zip(truss.curves, _touched_curves(truss, near), strict=True):
+        row, ring = curve.nodes, curve.closed
+        if touched:
+            row, ring = _tidy(_detour(target[row].tolist(), ring, via), ring)
         if len(row) > 1:
-            rows.append(row)
-            curves.append((curve, closed))
-    return _rebuild(truss, nodes, kinds, target, rows, curves, spans)
+            curves.append(curve)
+            rows.append(np.asarray(row))
+            closed.append(ring)
+    new, number = _rebuild(sized, nodes, kinds, curves, _Rows.of(rows, closed), spans)
+    return new, number[target]
+
+
+def _near_changes(truss: Truss, merges, detours) -> np.ndarray:
+    """Members (as a mask) with an end at a node that a change concerns: no other can change, or become one with one."""
+    hot = np.zeros(len(truss.nodes), bool)
+    hot[[i for pair in merges for i in pair]] = True
+    hot[truss.members[[m for m, _ in detours]]] = True
+    hot[[j for _, j in detours if j < len(hot)]] = True
+    return np.asarray(hot[truss.members].any(1))
+
+
+def _touched_curves(truss: Truss, near: np.ndarray) -> np.ndarray:
+    """Curves (as a mask) that run along some of the members."""
+    counts = np.array([len(curve.members) for curve in truss.curves])
+    along = near[np.concatenate([curve.members for curve in truss.curves])]
+    return np.add.reduceat(along.astype(int), np.cumsum(counts) - counts) > 0
 
 
 class _Spans:
-    """Radii and waypoints of the members by their two nodes, read from the lower to the higher node."""
+    """Radii and waypoints of members near a change by their two nodes, read from the lower to the higher node."""
 
-    def __init__(self, sized: SizedTruss, members: np.ndarray) -> None:
+    def __init__(self, sized: SizedTruss, members: np.ndarray, near: np.ndarray) -> None:
         self._sized, self._members = sized, members
         self.radii: dict[tuple[int, int], np.ndarray] = {}
         self.waypoints: dict[tuple[int, int], np.ndarray] = {}
-        for m, (a, b) in enumerate(members.tolist()):
-            if a != b:
-                self._put(a, b, sized.radii[m], self._points(m))
+        chosen = np.flatnonzero(near & (members[:, 0] != members[:, 1]))
+        for m, (a, b) in zip(chosen.tolist(), members[chosen].tolist(), strict=True):
+            self._put(a, b, sized.radii[m], self._points(m))
+        self.far = np.flatnonzero(~near)
 
     def _points(self, m: int) -> np.ndarray:
         truss = self._sized.truss
@@ -102,6 +125,55 @@ class _Spans:
                 towards_j = np.array([at_end, (at_end + r[1]) / 2, r[1]])
                 self.radii[low, high] = towards_j if end == low else towards_j[::-1]
                 self.waypoints[low, high] = np.zeros((0, 3))
+
+    def table(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Radii (n, 3) of spans from the lower to the higher nodes, their waypoints, and where those of each begin."""
+        truss, n = self._sized.truss, int(high.max(initial=0)) + 1
+        ends = self._members[self.far]
+        key = ends[:, 0] * n + ends[:, 1]
+        order = np.argsort(key)
+        place = order[np.minimum(np.searchsorted(key, low * n + high, sorter=order), len(order) - 1)] if len(key) else 0
+        is_far = (key[place] == low * n + high) if len(key) else np.zeros(len(low), bool)
+        member = np.where(is_far, self.far[place] if len(key) else 0, 0)
+        radii = np.array(self._sized.radii[member])
+        offsets = np.asarray(truss.waypoint_offsets)
+        counts = np.where(is_far, np.diff(offsets)[member], 0)
+        near = np.flatnonzero(~is_far)
+        keys = list(zip(low[near].tolist(), high[near].tolist(), strict=True))
+        if keys:
+            radii[near] = [self.radii[k] for k in keys]
+            counts[near] = [len(self.waypoints[k]) for k in keys]
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        points = np.zeros((starts[-1], 3))
+        owner, local = expand(np.where(is_far, counts, 0))
+        points[starts[owner] + local] = np.asarray(truss.waypoints)[offsets[member[owner]] + local]
+        for i, k in zip(near.tolist(), keys, strict=True):
+            points[starts[i] : starts[i + 1]] = self.waypoints[k]
+        return radii, points, starts
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The nodes along all curves, one curve after the other, and whether each is closed."""
+
+    nodes: np.ndarray
+    offsets: np.ndarray
+    closed: np.ndarray
+
+    @staticmethod
+    def of(rows: Sequence[np.ndarray], closed: Sequence[bool]) -> "_Rows":
+        offsets = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(int)
+        return _Rows(np.concatenate([np.zeros(0, int), *rows]), offsets, np.array(closed, bool))
+
+    def steps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Nodes at the start and the end of every step, and where the steps of each curve begin."""
+        following = np.arange(1, len(self.nodes) + 1)
+        last = self.offsets[1:] - 1
+        following[last] = self.offsets[:-1]
+        is_step = np.ones(len(self.nodes), bool)
+        is_step[last[~self.closed]] = False
+        starts = np.concatenate([[0], np.cumsum(np.diff(self.offsets) - ~self.closed)]).astype(int)
+        return self.nodes[is_step], self.nodes[following[is_step]], starts
 
 
 def _merge_nodes(truss: Truss, merges: Iterable[tuple[int, int]]):
@@ -155,34 +227,38 @@ def _tidy(row: list[int], closed: bool) -> tuple[list[int], bool]:
     return result, closed and len(result) > 2
 
 
-def _rebuild(truss, nodes, kinds, target, rows, curves, spans) -> tuple[SizedTruss, np.ndarray]:
-    steps = []
-    for row, (_, closed) in zip(rows, curves, strict=True):
-        a = np.array(row)
-        b = np.roll(a, -1) if closed else a[1:]
-        steps.append(np.sort(np.stack([a[: len(b)], b], axis=1), axis=1))
-    pairs = np.concatenate(steps) if steps else np.zeros((0, 2), int)
-    used, compact = np.unique(pairs, return_inverse=True)
-    members, of_step = np.unique(compact.reshape(-1, 2), axis=0, return_inverse=True)
+def _rebuild(
+    sized: SizedTruss, nodes: np.ndarray, kinds: np.ndarray, curves: Sequence[Curve], rows: _Rows, spans: _Spans
+) -> tuple[SizedTruss, np.ndarray]:
+    """The truss of these rows without unused nodes, and the new number of every node (-1: gone)."""
+    a, b, starts = rows.steps()
+    key, of_step = np.unique(np.minimum(a, b) * len(nodes) + np.maximum(a, b), return_inverse=True)
+    low, high = np.divmod(key, len(nodes))
+    used = np.unique(np.concatenate([low, high]))
     number = np.full(len(nodes), -1)
     number[used] = np.arange(len(used))
-    of_step = of_step.ravel()
-    new_curves, start = [], 0
-    for row, (curve, closed), step in zip(rows, curves, steps, strict=True):
-        mine = of_step[start : start + len(step)]
-        start += len(step)
-        new_curves.append(replace(curve, nodes=number[np.array(row)], members=mine, closed=closed))
-    keys = [(int(used[a]), int(used[b])) for a, b in members]
-    points = [spans.waypoints[key] for key in keys]
-    offsets = np.concatenate([[0], np.cumsum([len(p) for p in points])]).astype(int)
+    radii, waypoints, offsets = spans.table(low, high)
+    along, members = frozen(number[rows.nodes], np.int64), frozen(of_step.ravel(), np.int64)
+    new_curves = tuple(
+        Curve(
+            curve.kind,
+            curve.family,
+            curve.axis,
+            curve.isovalues,
+            curve.component,
+            along[rows.offsets[c] : rows.offsets[c + 1]],
+            members[starts[c] : starts[c + 1]],
+            bool(rows.closed[c]),
+        )
+        for c, curve in enumerate(curves)
+    )
     new = replace(
-        truss,
+        sized.truss,
         nodes=nodes[used],
         node_kinds=kinds[used],
-        members=members,
-        curves=tuple(new_curves),
-        waypoints=np.concatenate([np.zeros((0, 3)), *points]),
+        members=np.stack([number[low], number[high]], axis=1),
+        curves=new_curves,
+        waypoints=waypoints,
         waypoint_offsets=offsets,
     )
-    radii: Float[np.ndarray, "n_m 3"] = np.array([spans.radii[key] for key in keys]).reshape(-1, 3)
-    return SizedTruss(new, radii), number[target]
+    return SizedTruss(new, radii), number

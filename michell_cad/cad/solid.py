@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from michell_cad.arrays import freeze, require
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
 from michell_cad.cad.clearance import Crossings, crossing_tubes
+from michell_cad.cad.faults import FaultFinder, nodes_of_parts
 from michell_cad.cad.fidelity import curve_deviation, design_gaps
 from michell_cad.cad.mesh import SEGMENTS, TrussMesh, mesh_truss
 from michell_cad.cad.prepare import prepare_truss
@@ -30,7 +31,7 @@ from michell_cad.truss import SizedTruss
 LARGEST_VOLUME_DIFFERENCE = 2e-3
 """Between the solid and its direct mesh (relative); the two agree within 1e-3 unless something is wrong."""
 
-KERNEL_TRIES = 6
+KERNEL_TRIES = 10
 """Times that a solid is built; nodes that the kernel finds faulty are laid out in another way each time."""
 
 NAMED = 5
@@ -229,18 +230,19 @@ def build_solid(
     require(len(sized.truss.members), "a truss without members has no solid")
     tell = _rising(progress)
     prepared = prepare_truss(sized, knobs, lambda f: tell(0.1 * f))
+    finder = FaultFinder()
     for _ in range(KERNEL_TRIES):
-        mesh = mesh_truss(prepared, segments)
-        tell(0.2)
         plan = assemble_shell(prepared)
-        solids, faces = kernel.make_solids(plan, lambda f: tell(0.2 + 0.3 * f))
-        faulty = _faulty_faces(solids, faces, plan.faces.component)
-        tell(0.8)
-        if not len(faulty) and mesh.is_watertight:
-            break
-        role = np.concatenate([plan.faces.role[faulty], mesh.role[mesh.open_triangles]])
-        owner = np.concatenate([plan.faces.owner[faulty], mesh.owner[mesh.open_triangles]])
-        nodes = _nodes_of_faces(prepared, role, owner)
+        tell(0.2)
+        solids, faces = kernel.make_solids(plan, lambda f: tell(0.2 + 0.2 * f))
+        nodes = finder.find(prepared, plan, solids, faces)
+        tell(0.7)
+        if not len(nodes):
+            mesh = mesh_truss(prepared, segments)
+            tell(0.9)
+            nodes = nodes_of_parts(prepared, mesh.role[mesh.open_triangles], mesh.owner[mesh.open_triangles])
+            if not len(nodes):
+                break
         fault = _name_faults(prepared, nodes)
         prepared = prepare_truss(sized, knobs, previous=prepared, shaken=nodes.tolist())
     else:
@@ -263,27 +265,6 @@ def _rising(progress: Callable[[float], None] | None) -> Callable[[float], None]
             progress(highest)
 
     return tell
-
-
-def _faulty_faces(solids: Sequence[Any], faces: Sequence[Any], component: np.ndarray) -> np.ndarray:
-    """Numbers of the faces in which the kernel finds a fault."""
-    from michell_cad.cad import kernel
-
-    faulty = []
-    for number, solid in enumerate(solids):
-        mine = np.flatnonzero(component == number)
-        bad = kernel.faulty_faces(solid, [faces[f] for f in mine.tolist()])
-        if bad is not None:
-            # A fault that is in no face must be somewhere among them.
-            faulty.append(mine[np.array(bad)] if bad else mine)
-    return np.concatenate([np.zeros(0, int), *faulty])
-
-
-def _nodes_of_faces(prepared: PreparedTruss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    node = prepared.node_of_end
-    at_ends = node[owner[(role == FaceRole.FILLET) | (role == FaceRole.MITRE)]]
-    at_members = node.reshape(-1, 2)[owner[role == FaceRole.MEMBER]].ravel()
-    return np.unique(np.concatenate([owner[role == FaceRole.NODE], at_ends, at_members]))
 
 
 def _name_faults(prepared: PreparedTruss, nodes: np.ndarray) -> str:

@@ -5,11 +5,14 @@ point beyond it, so the polygon of every cap is a facet of the hull, and droppin
 with the boundary polygons as they are.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
+
+from michell_cad.cad.vectors import dot, triple
+from michell_cad.compiled import compiled
 
 SPACING = 0.28
 """Angle between points inside the face, radians."""
@@ -59,40 +62,73 @@ def triangulate_sphere(
     points = np.concatenate([boundary, inner])
     hull = ConvexHull(points)
     triangles = hull.simplices.astype(np.int64)
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    inward = np.einsum("td,td->t", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    neighbours = hull.neighbors.astype(np.int64)
+    turn_outward(points, triangles, neighbours, hull.equations)
     if arcs is None:
-        inside = points @ directions.T >= cosine - ON_CAP
-        kept = ~np.any(np.all(inside[triangles], axis=1), axis=1)
-    else:
-        kept = _outside_loops(triangles, hull.neighbors, inward, arcs, len(points))
-    triangles[inward] = triangles[inward][:, ::-1]
-    return inner, triangles[kept]
+        return inner, triangles[outside_caps(points, triangles, directions, cosine)]
+    along = np.sort(arcs[:, 0] * len(points) + arcs[:, 1])
+    return inner, triangles[outside_loops(triangles, neighbours, along, len(points))]
 
 
-def _outside_loops(
-    triangles: np.ndarray, neighbours: np.ndarray, inward: np.ndarray, arcs: np.ndarray, n: int
-) -> np.ndarray:
-    """Triangles on the right of the loops: the parts into which the loops cut the hull that have one along a loop."""
-    opposite = triangles[:, [[1, 2], [2, 0], [0, 1]]]
-    forward = np.where(inward[:, None, None], opposite[..., ::-1], opposite)
-    code = forward[..., 0] * n + forward[..., 1]
-    along, against = arcs[:, 0] * n + arcs[:, 1], arcs[:, 1] * n + arcs[:, 0]
-    on_right = np.isin(code, against)
-    free = ~(on_right | np.isin(code, along))
-    t, side = np.nonzero(free)
-    size = (len(triangles), len(triangles))
-    _, part = connected_components(coo_matrix((np.ones(len(t)), (t, neighbours[t, side])), shape=size), directed=False)
-    return np.isin(part, part[on_right.any(1)])
+def _turn_outward(points: Any, triangles: Any, neighbours: Any, normals: Any) -> None:
+    """Turn the triangles of a hull so that their vertices count counter-clockwise around the outward normals.
+
+    neighbours (t, 3) are across from the three vertices.
+    """
+    first, second = np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        a, b, c = triangles[t]
+        for i in range(3):
+            first[i], second[i] = points[b, i] - points[a, i], points[c, i] - points[a, i]
+        if triple(first, second, normals[t]) < 0:
+            triangles[t, 0], triangles[t, 2] = triangles[t, 2], triangles[t, 0]
+            neighbours[t, 0], neighbours[t, 2] = neighbours[t, 2], neighbours[t, 0]
+
+
+def _outside_caps(points: Any, triangles: Any, directions: Any, cosine: Any) -> Any:
+    """Triangles (as a mask) of which no cap has all three vertices."""
+    kept = np.ones(len(triangles), np.bool_)
+    inside = np.empty(len(points), np.bool_)
+    for k in range(len(directions)):
+        for i in range(len(points)):
+            inside[i] = dot(points[i], directions[k]) >= cosine[k] - ON_CAP
+        for t in range(len(triangles)):
+            kept[t] &= not (inside[triangles[t, 0]] and inside[triangles[t, 1]] and inside[triangles[t, 2]])
+    return kept
+
+
+def _outside_loops(triangles: Any, neighbours: Any, along: Any, n: int) -> Any:
+    """Triangles (as a mask) on the right of loops: the parts into which these cut the hull that have one along a loop.
+
+    `along` has start * n + end of every step along the loops, ascending.
+    """
+    kept, blocked = np.zeros(len(triangles), np.bool_), np.zeros((len(triangles), 3), np.bool_)
+    stack, count = np.empty(len(triangles), np.int64), 0
+    for t in range(len(triangles)):
+        for side in range(3):
+            a, b = triangles[t, (side + 1) % 3], triangles[t, (side + 2) % 3]
+            forward, backward = np.searchsorted(along, a * n + b), np.searchsorted(along, b * n + a)
+            on_right = backward < len(along) and along[backward] == b * n + a
+            blocked[t, side] = on_right or (forward < len(along) and along[forward] == a * n + b)
+            if on_right and not kept[t]:
+                kept[t], stack[count] = True, t
+                count += 1
+    while count:
+        count -= 1
+        t = stack[count]
+        for side in range(3):
+            other = neighbours[t, side]
+            if not blocked[t, side] and not kept[other]:
+                kept[other], stack[count] = True, other
+                count += 1
+    return kept
 
 
 def match_volume(
     points: Float[np.ndarray, "p 3"], triangles: Int[np.ndarray, "t 3"], is_inner: Bool[np.ndarray, " p"], volume: float
 ) -> float:
     """Factor on the inner points (relative to the centre) at which the triangles and the centre enclose `volume`."""
-    six = np.einsum("td,td->t", *_cross_pair(points, triangles))
-    count = is_inner[triangles].sum(1)
-    share = np.array([six[count == j].sum() for j in range(4)]) / 6
+    share = shares_of_volume(points, triangles, is_inner)
     factor = 1.0
     for _ in range(4):
         powers = factor ** np.arange(4)
@@ -103,6 +139,15 @@ def match_volume(
     return float(np.clip(factor, 1 - LARGEST_CORRECTION, 1 + LARGEST_CORRECTION))
 
 
-def _cross_pair(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    a, b, c = points[triangles].transpose(1, 0, 2)
-    return a, np.cross(b, c)
+def _shares_of_volume(points: Any, triangles: Any, is_inner: Any) -> Any:
+    """Volume between the origin and the triangles with 0, 1, 2 and 3 inner points."""
+    share = np.zeros(4)
+    for a, b, c in triangles:
+        share[int(is_inner[a]) + int(is_inner[b]) + int(is_inner[c])] += triple(points[b], points[c], points[a]) / 6
+    return share
+
+
+turn_outward = compiled(_turn_outward)
+outside_caps = compiled(_outside_caps)
+outside_loops = compiled(_outside_loops)
+shares_of_volume = compiled(_shares_of_volume)

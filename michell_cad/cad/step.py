@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from michell_cad.arrays import require
-from michell_cad.cad.palette import COLOURS, GROUPS, KEPT, NODES, group_colour
 from michell_cad.cad.shell_plan import FaceRole
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.cad.step_forecast import forecast_bytes
 from michell_cad.files import path_with_suffix, writing
+from michell_cad.palette import COLOURS, GROUPS, KEPT, NODES, group_colour
 
 if TYPE_CHECKING:
     from michell_cad.cad.kernel_files import StepDocument, StepSummary, Tag

@@ -15,9 +15,9 @@ import numpy as np
 
 from michell_cad.arrays import require
 from michell_cad.cad.mesh_groups import closed_bodies, own_vertices
-from michell_cad.cad.palette import group_colour
 from michell_cad.cad.solid import TrussSolid
 from michell_cad.files import path_with_suffix, writing
+from michell_cad.palette import group_colour
 
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 

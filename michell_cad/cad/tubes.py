@@ -10,7 +10,7 @@ with zero slope of r at the ends, tube and fillet are tangent.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.interpolate import BSpline
 
 from michell_cad.arrays import freeze
-from michell_cad.cad.centerlines import Centerlines
+from michell_cad.cad.centerlines import Centerlines, points_at
 from michell_cad.truss import member_radius
 
 SECTION_COUNTS = (5, 9, 17, 33)
@@ -57,11 +57,16 @@ def tube_knots(count: int) -> Float[np.ndarray, " k"]:
 
 @dataclass(frozen=True, eq=False)
 class _Bases:
-    """Matrices for tubes with so many circles: from circles and end slopes to poles, slopes and curvatures there."""
+    """Matrices for tubes with so many circles: from circles and end slopes to poles, slopes and curvatures there.
+
+    `along` leads from poles to points at the places `between`, among the circles and among those of a finer tube.
+    """
 
     fit: np.ndarray
     slopes: np.ndarray
     end_curvatures: np.ndarray
+    between: np.ndarray
+    along: np.ndarray
 
 
 @cache
@@ -71,7 +76,9 @@ def _bases(count: int) -> _Bases:
     slopes = splines.derivative()(step)
     values = BSpline.design_matrix(step, knots, 3).toarray()
     fit = np.linalg.inv(np.concatenate([values, slopes[[0, -1]]]))
-    return _Bases(fit, slopes, splines.derivative(2)(step)[[0, -1]])
+    between = np.linspace(0, 1, 4 * count - 3)[1:-1]
+    along = BSpline.design_matrix(between, knots, 3).toarray()
+    return _Bases(fit, slopes, splines.derivative(2)(step)[[0, -1]], between, along)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,83 +192,97 @@ def fit_tubes(
     n = len(starts)
     ends = starts + reach[..., None] * centerlines.directions
     free = tight & (np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) < FREE * radii.max(1))
-    goal = _Goal(centerlines, ends, reach, radii.min(1), free)
+    some = _Goal.of(centerlines, ends, reach, radii.min(1), free)
     sections, straight = np.zeros(n, int), np.zeros(n, bool)
     spines: list[np.ndarray] = [np.zeros((0, 3))] * n
     poles, end_normals = spines.copy(), np.zeros((n, 2, 3))
     rows = np.arange(n)
     for count in SECTION_COUNTS:
-        some = goal.some(rows)
-        spine = _fit_spines(some, count)
-        good = np.flatnonzero(_follows(some, spine, count) | (count == SECTION_COUNTS[-1]))
-        m = rows[good]
-        found, normals, straight[m] = _fit_surfaces(goal.some(m), spine[good], radii[m], phase[m], count)
-        sections[m], end_normals[m] = count, normals
-        for i, one, surface in zip(m.tolist(), spine[good], found, strict=True):
-            spines[i], poles[i] = one, surface
-        rows = np.delete(rows, good)
+        circles, spine = _fit_spines(some, count)
+        follows = _follows(some, spine, count) | (count == SECTION_COUNTS[-1])
+        good, m = np.flatnonzero(follows), rows[follows]
+        if len(m):
+            found, normals, straight[m] = _fit_surfaces(
+                some.some(good), circles[good], spine[good], radii[m], phase[m], count
+            )
+            sections[m], end_normals[m] = count, normals
+            for i, one, surface in zip(m.tolist(), spine[good], found, strict=True):
+                spines[i], poles[i] = one, surface
+        if follows.all():
+            break
+        some, rows = some.some(np.flatnonzero(~follows)), rows[~follows]
     return Tubes(sections, spines, poles, end_normals, radii, straight)
 
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """What spines should follow: design curves, led to the circles at their ends (n_m, 2, 3).
+    """What spines should follow: design curves, led to the circles at their ends.
 
-    `radius` (n_m,) is the smallest of each tube; tubes that are `free` (n_m,) need not follow their curve.
+    Parameters
+    ----------
+    points, directions : (n_m, k, 3) and (n_m, 2, 3), of the design curves.
+    ends : (n_m, 2, 3), centres of the circles.
+    radius : (n_m,), the smallest of each tube.
+    free : (n_m,), tubes that need not follow their curve.
+    trims : (n_m, 2), fractions of arc length at which the tubes begin and end.
+    gap, turn : (n_m, 2, 3), from the curve to the circle, and from its slope to the direction.
+    over, turn_over : (n_m, 2), over which shares of the length these two fade.
+    speed : (n_m,), length from circle to circle.
     """
 
-    lines: Centerlines
+    points: np.ndarray
+    directions: np.ndarray
     ends: np.ndarray
-    reach: np.ndarray
     radius: np.ndarray
     free: np.ndarray
+    trims: np.ndarray
+    gap: np.ndarray
+    turn: np.ndarray
+    over: np.ndarray
+    turn_over: np.ndarray
+    speed: np.ndarray
+
+    @staticmethod
+    def of(lines: Centerlines, ends: np.ndarray, reach: np.ndarray, radius: np.ndarray, free: np.ndarray) -> "_Goal":
+        """The goals of all tubes; a trace of every curve is left, whatever its nodes take."""
+        share = reach / np.maximum(lines.lengths, reach.sum(1) / 0.98)[:, None]
+        trims = np.stack([share[:, 0], 1 - share[:, 1]], axis=1)
+        size = np.maximum((trims[:, 1] - trims[:, 0]) * lines.lengths, 1e-9)[:, None]
+        gap = ends - lines.at(trims)
+        turn = lines.directions - np.array([1.0, -1.0])[:, None] * lines.slopes_at(trims)
+        far, angle, r = np.linalg.norm(gap, axis=2), np.linalg.norm(turn, axis=2), radius[:, None]
+        room = STRAY * r
+        # The largest second derivative of the first step is 5.8; of the other 3.9, and its largest value 0.2.
+        over = np.maximum(size * room / np.maximum(far, room), np.sqrt(5.8 * BEND * r * far))
+        turn_over = np.maximum(room / (0.2 * np.maximum(angle, 1e-12)), 3.9 * BEND * r * angle)
+        over, turn_over = (np.minimum(x / size, 1) for x in (over, turn_over))
+        chord = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        goal = _Goal(
+            lines.points,
+            lines.directions,
+            ends,
+            radius,
+            free,
+            trims,
+            gap,
+            turn * size[..., None],
+            over,
+            turn_over,
+            chord,
+        )
+        points = goal._curves_at(np.linspace(0, 1, lines.points.shape[1] // 2 + 1))
+        along = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1)
+        return replace(goal, speed=np.where(free, chord, np.maximum(along, chord)))
 
     def some(self, rows: np.ndarray) -> "_Goal":
         """The goals of some members."""
-        lines = Centerlines(self.lines.points[rows], self.lines.directions[rows])
-        return _Goal(lines, self.ends[rows], self.reach[rows], self.radius[rows], self.free[rows])
-
-    @cached_property
-    def speed(self) -> np.ndarray:
-        """Length from circle to circle."""
-        chord = np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
-        points = self._curves_at(np.linspace(0, 1, self.lines.points.shape[1] // 2 + 1))
-        return np.where(self.free, chord, np.maximum(np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1), chord))
+        return _Goal(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @property
     def slopes(self) -> np.ndarray:
         """Derivatives of the spines at both ends, (n_m, 2, 3)."""
-        d = self.lines.directions
+        d = self.directions
         return np.stack([d[:, 0], -d[:, 1]], axis=1) * self.speed[:, None, None]
-
-    @cached_property
-    def _trims(self) -> tuple[np.ndarray, np.ndarray]:
-        """Fractions of arc length at which the tubes begin and end; a trace of every curve is left, whatever its nodes
-        take.
-        """
-        share = self.reach / np.maximum(self.lines.lengths, self.reach.sum(1) / 0.98)[:, None]
-        return share[:, :1], 1 - share[:, 1:]
-
-    @cached_property
-    def _leads(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """At both ends: from the curve to the circle, from its slope to the direction, and over which shares of the
-        length these two fade.
-        """
-        s_0, s_1 = self._trims
-        size = np.maximum((s_1 - s_0) * self.lines.lengths[:, None], 1e-9)
-        leads = []
-        for side, s in enumerate((s_0, s_1)):
-            gap = self.ends[:, side] - self.lines.at(s)[:, 0]
-            turn = (1 - 2 * side) * self.lines.slopes_at(s)[:, 0]
-            turn = self.lines.directions[:, side] - turn
-            far, r = np.linalg.norm(gap, axis=1, keepdims=True), self.radius[:, None]
-            angle = np.linalg.norm(turn, axis=1, keepdims=True)
-            room = STRAY * r
-            # The largest second derivative of the first step is 5.8; of the other 3.9, and its largest value 0.2.
-            over = np.maximum(size * room / np.maximum(far, room), np.sqrt(5.8 * BEND * r * far))
-            turn_over = np.maximum(room / (0.2 * np.maximum(angle, 1e-12)), 3.9 * BEND * r * angle)
-            leads.append((gap, turn * size, *(np.minimum(x / size, 1) for x in (over, turn_over))))
-        return leads
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """Points (n_m, j, 3) at the parameters t."""
@@ -279,32 +300,35 @@ class _Goal:
 
     def _curves_at(self, t: np.ndarray) -> np.ndarray:
         """Points of the design curves, led to the circles at both ends."""
-        s_0, s_1 = self._trims
-        points = self.lines.at(s_0 + (s_1 - s_0) * t)
-        for x, (gap, turn, over, turn_over) in zip((t, 1 - t), self._leads, strict=True):
-            u = np.minimum(x / over, 1)[..., None]
-            points += (1 - u) ** 3 * (1 + 3 * u + 6 * u**2) * gap[:, None]
-            u = np.minimum(x / turn_over, 1)
-            points += (turn_over * u * (1 + 3 * u) * (1 - u) ** 3)[..., None] * turn[:, None]
+        s_0, s_1 = self.trims[:, :1], self.trims[:, 1:]
+        points = points_at(self.points, s_0 + (s_1 - s_0) * t)
+        for side, x in enumerate((t, 1 - t)):
+            u = np.minimum(x / self.over[:, [side]], 1)[..., None]
+            points += (1 - u) ** 3 * (1 + 3 * u + 6 * u**2) * self.gap[:, [side]]
+            over = self.turn_over[:, [side]]
+            u = np.minimum(x / over, 1)
+            points += (over * u * (1 + 3 * u) * (1 - u) ** 3)[..., None] * self.turn[:, [side]]
         return points
 
 
-def _fit_spines(goal: _Goal, count: int) -> np.ndarray:
-    sections = goal.at(np.linspace(0, 1, count))
-    return _bases(count).fit @ np.concatenate([sections, goal.slopes], axis=1)
+def _fit_spines(goal: _Goal, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of the circles, and poles of the spines."""
+    circles = goal.at(np.linspace(0, 1, count))
+    return circles, _bases(count).fit @ np.concatenate([circles, goal.slopes], axis=1)
 
 
 def _follows(goal: _Goal, spines: np.ndarray, count: int) -> np.ndarray:
     """Whether the spines keep to their goal halfway between the circles, also between those of a finer tube."""
-    t = np.linspace(0, 1, 4 * count - 3)[1:-1]
-    found = BSpline.design_matrix(t, tube_knots(count), 3).toarray() @ spines
-    return np.linalg.norm(found - goal.at(t), axis=2).max(1) <= FOLLOWS * goal.radius
+    bases = _bases(count)
+    return np.linalg.norm(bases.along @ spines - goal.at(bases.between), axis=2).max(1) <= FOLLOWS * goal.radius
 
 
-def _fit_surfaces(goal: _Goal, spines: np.ndarray, radii: np.ndarray, phase: np.ndarray, count: int):
+def _fit_surfaces(
+    goal: _Goal, sections: np.ndarray, spines: np.ndarray, radii: np.ndarray, phase: np.ndarray, count: int
+):
     """Poles of the surfaces around spines, normals at their ends, and whether they are cylinders."""
     bases, step = _bases(count), np.linspace(0, 1, count)
-    sections, slopes, d = goal.at(step), goal.slopes, goal.lines.directions
+    slopes, d = goal.slopes, goal.directions
     T = bases.slopes @ spines
     T /= np.linalg.norm(T, axis=2, keepdims=True)
     T[:, 0], T[:, -1] = d[:, 0], -d[:, 1]

@@ -11,7 +11,9 @@ clearance:
   of the far faces again, because both share the edges of the circles.
 
 The kernel cuts fillets between members at acute angles wrongly (it loses or adds volume, and calls the result valid),
-so that such nodes, where they enter what is kept, become plain: a ball and a cylinder to each disc.
+so that such nodes, where they enter what is kept, become plain: a ball and a cylinder to each disc. And where stubs all
+but touch each other it splits the circle of a disc, to which the far faces would no longer fit: then the element behind
+that disc becomes a stub, too.
 
 The mesh is united apart from that by manifold3d, and both are compared.
 """
@@ -24,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from michell_cad.arrays import require
+from michell_cad.cad.faults import element_of_part
 from michell_cad.cad.keep import KeptSolid
 from michell_cad.cad.mesh import TrussMesh
 from michell_cad.cad.mesh_unite import surface_of, unite_mesh
@@ -50,8 +53,8 @@ BALL = 0.95
 BAR_END = 0.6
 """Where the bars of such a node end, relative to the farthest place at which their end is inside the ball."""
 
-TRIES = 3
-"""So often the kernel splits a group of solids, each time with more nodes without fillets."""
+TRIES = 6
+"""So often the kernel splits a group of solids, each time with more stubs, or more nodes without fillets."""
 
 ABSORBED, NEAR, FAR = 0, 1, 2
 
@@ -86,7 +89,7 @@ def unite(solid: TrussSolid, kept: Sequence[KeptSolid], progress: Callable[[floa
     prepared = solid.prepared
     plan = _sort_elements(solid, zone)
     tell(0.3)
-    far = plan.fate[_element_of_part(prepared, solid.mesh.role, solid.mesh.owner)] == FAR
+    far = plan.fate[element_of_part(prepared, solid.mesh.role, solid.mesh.owner)] == FAR
     owners = [zone.owner == k for k in range(len(kept))]
     mesh, crumbs = unite_mesh(
         solid.mesh,
@@ -95,12 +98,13 @@ def unite(solid: TrussSolid, kept: Sequence[KeptSolid], progress: Callable[[floa
         far,
     )
     tell(0.4)
-    element = _element_of_part(prepared, solid.face_role, solid.face_owner)
-    pieces, discs = _far_pieces(solid, element, plan), _Discs(prepared)
+    element = element_of_part(prepared, solid.face_role, solid.face_owner)
+    pieces, discs, is_far = _Pieces([], []), _Discs(prepared), plan.fate == FAR
     groups = np.unique(plan.cell_group).tolist()
     for done, group in enumerate(groups):
-        _fuse_group(solid, element, zone, plan, group, discs, pieces)
+        is_far[_fuse_group(solid, element, zone, plan, group, discs, pieces)] = False
         tell(0.4 + 0.5 * (done + 1) / len(groups))
+    _add_far_faces(solid, is_far[element], pieces)
     united = _assemble(solid, plan, pieces, zone, mesh, crumbs)
     tell(1.0)
     return united
@@ -170,7 +174,7 @@ def _balls(solid: TrussSolid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     step = np.linalg.norm(np.diff(spine, axis=1), axis=2).max(1)
     thick = prepared.tubes.radius_range[1] + step / 2
     at_node = mesh.role != FaceRole.MEMBER
-    node = np.repeat(_element_of_part(prepared, mesh.role[at_node], mesh.owner[at_node]), 3)
+    node = np.repeat(element_of_part(prepared, mesh.role[at_node], mesh.owner[at_node]), 3)
     pairs = np.unique(np.stack([node, mesh.triangles[at_node].ravel()], axis=1), axis=0)
     small = np.full(len(pairs), VERTEX_BALL * float(prepared.sized.radii.max()))
     return (
@@ -178,13 +182,6 @@ def _balls(solid: TrussSolid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         np.concatenate([small, np.repeat(thick, SAMPLES)]),
         np.concatenate([pairs[:, 0], n_n + np.repeat(np.arange(n_m), SAMPLES)]),
     )
-
-
-def _element_of_part(prepared: PreparedTruss, role: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """The element that faces or triangles belong to."""
-    at_end = (role == FaceRole.FILLET) | (role == FaceRole.MITRE)
-    node = np.where(at_end, prepared.node_of_end[np.where(at_end, owner, 0)], owner)
-    return np.where(role == FaceRole.MEMBER, len(prepared.sized.truss.nodes) + owner, node)
 
 
 # --- stubs and cells -------------------------------------------------------------------------------------------------
@@ -199,32 +196,45 @@ class _Pieces:
     plain_nodes: int = 0
 
 
-def _far_pieces(solid: TrussSolid, element: np.ndarray, plan: _Plan) -> _Pieces:
-    far = np.flatnonzero(plan.fate[element] == FAR).tolist()
-    tags = zip(solid.face_role[far].tolist(), solid.face_owner[far].tolist(), strict=True)
-    return _Pieces([solid.faces[f] for f in far], [(role, owner, True) for role, owner in tags])
+def _add_far_faces(solid: TrussSolid, far: np.ndarray, out: _Pieces) -> None:
+    for f in np.flatnonzero(far).tolist():
+        out.faces.append(solid.faces[f])
+        out.tags.append((int(solid.face_role[f]), int(solid.face_owner[f]), True))
 
 
 def _fuse_group(
     solid: TrussSolid, element: np.ndarray, zone: Zone, plan: _Plan, group: int, discs: "_Discs", out: _Pieces
-) -> None:
-    """Unite the cells of one group with the stubs that touch it; adds the outer faces but discs to far elements."""
+) -> list[int]:
+    """Unite the cells of one group with the stubs that touch it; adds the outer faces but discs to far elements.
+
+    Returns the elements whose faces these are.
+    """
     from michell_cad.cad.kernel_booleans import SplitError
 
     cells = np.flatnonzero(plan.cell_group == group).tolist()
     of_group = np.isin(plan.cluster, np.flatnonzero(plan.cluster_group == group))
-    stubs = [_make_stub(solid, element, plan, e, discs) for e in np.flatnonzero(of_group).tolist()]
+    stubs = {e: _make_stub(solid, element, e, discs) for e in np.flatnonzero(of_group).tolist()}
     fault: Exception | None = None
     for _ in range(TRIES):
+        # Discs at elements that are no stubs and not absorbed either: there the truss goes on.
+        open_discs = {
+            end: disc
+            for stub in stubs.values()
+            for end, disc in stub.discs.items()
+            if plan.fate[stub.behind[end]] != ABSORBED and stub.behind[end] not in stubs
+        }
         try:
-            _fuse(zone, cells, stubs, out)
-            return
+            _fuse(zone, cells, list(stubs.values()), open_discs, out)
+            return list(stubs)
+        except _CircleError as error:
+            fault = error
+            behind = {end: other for stub in stubs.values() for end, other in stub.behind.items()}
+            stubs |= {e: _make_stub(solid, element, e, discs) for e in sorted({behind[end] for end in error.ends})}
         except SplitError as error:
             fault = error
             # Arguments come as the cells, then the solids of one stub after the other.
-            owner = np.r_[np.full(len(cells), -1), np.repeat(np.arange(len(stubs)), [len(x.solids) for x in stubs])]
-            faulty = {int(owner[k]) for k in error.arguments if owner[k] >= 0}
-            stubs = _simplify(solid.prepared, stubs, discs, faulty)
+            owner = [-1] * len(cells) + [e for e, stub in stubs.items() for _ in stub.solids]
+            stubs = _simplify(solid.prepared, stubs, {owner[k] for k in error.arguments})
     names = sorted({zone.names[o] for o in zone.owner[cells].tolist()})
     raise GeometryKernelError(
         f"the truss could not be united with {', '.join(names)}: {fault}. Use a depth that differs by a few per cent"
@@ -233,14 +243,26 @@ def _fuse_group(
 
 @dataclass(frozen=True, eq=False)
 class _Stub:
-    """The closed solids of a near element: their faces with tags, and the discs that end them at far elements."""
+    """The closed solids of an element: their faces with tags, the discs that end them, and the elements behind these.
+
+    Discs and elements are given by member end.
+    """
 
     solids: list[Any]
     faces: list[Any]
     tags: list[tuple[int, int, bool]]
-    discs: list[Any]
+    discs: dict[int, Any]
+    behind: dict[int, int]
     node: int = -1
     plain: bool = False
+
+
+class _CircleError(Exception):
+    """The kernel changed the circles of some member ends where the truss goes on."""
+
+    def __init__(self, ends: list[int]) -> None:
+        super().__init__(f"the kernel changed {len(ends)} circles where the truss goes on")
+        self.ends = ends
 
 
 class _Discs:
@@ -270,7 +292,7 @@ class _Discs:
         return {e: self.made[e].Reversed() if turned else self.made[e] for e in circles}
 
 
-def _make_stub(solid: TrussSolid, element: np.ndarray, plan: _Plan, e: int, discs: _Discs) -> _Stub:
+def _make_stub(solid: TrussSolid, element: np.ndarray, e: int, discs: _Discs) -> _Stub:
     from michell_cad.cad import kernel_booleans as booleans
 
     p = solid.prepared
@@ -280,19 +302,18 @@ def _make_stub(solid: TrussSolid, element: np.ndarray, plan: _Plan, e: int, disc
     is_node = e < n_n
     ends = np.flatnonzero(p.node_of_end == e) if is_node else 2 * (e - n_n) + np.arange(2)
     closing = discs.close(mine, ends, turned=not is_node)
-    other = {end: n_n + end // 2 if is_node else int(p.node_of_end[end]) for end in closing}
-    far = [disc for end, disc in closing.items() if plan.fate[other[end]] == FAR]
+    behind = {end: n_n + end // 2 if is_node else int(p.node_of_end[end]) for end in closing}
     if is_node and p.sizes.creased[ends].any() and p.sizes.fillet[ends].any():
         # The kernel loses or adds volume where it cuts the fillets between members at acute angles.
-        return _plain_node(p, e, closing, far)
+        return _plain_node(p, e, closing, behind)
     made, _ = booleans.solids_of_faces([*mine, *closing.values()])
     if len(made) != 1:
         raise GeometryKernelError(f"a part of the truss comes out as {len(made)} solids")
     tags = [(int(solid.face_role[f]), int(solid.face_owner[f]), False) for f in faces]
-    return _Stub(made, mine, tags, far, e if is_node else -1)
+    return _Stub(made, mine, tags, closing, behind, e if is_node else -1)
 
 
-def _plain_node(p: PreparedTruss, node: int, discs: dict[int, Any], far: list[Any]) -> _Stub:
+def _plain_node(p: PreparedTruss, node: int, discs: dict[int, Any], behind: dict[int, int]) -> _Stub:
     """A node without fillets: its ball, and a cylinder from its centre to each disc, in place of the direct faces."""
     from michell_cad.cad import kernel_booleans as booleans
 
@@ -310,22 +331,17 @@ def _plain_node(p: PreparedTruss, node: int, discs: dict[int, Any], far: list[An
     for disc in discs.values():
         closing.put(disc, True)
     faces = [face for one in solids for face in booleans.faces_of(one) if not closing.get(face)]
-    return _Stub(solids, faces, [(int(FaceRole.NODE), node, False)] * len(faces), far, node, plain=True)
+    return _Stub(solids, faces, [(int(FaceRole.NODE), node, False)] * len(faces), discs, behind, node, plain=True)
 
 
-def _simplify(p: PreparedTruss, stubs: list[_Stub], discs: _Discs, faulty: set[int]) -> list[_Stub]:
+def _simplify(p: PreparedTruss, stubs: dict[int, _Stub], faulty: set[int]) -> dict[int, _Stub]:
     """Stubs with nodes at fault made plain; all nodes, if none of those at fault is to blame."""
-    chosen = {k for k in faulty if stubs[k].node >= 0 and not stubs[k].plain} or set(range(len(stubs)))
-    result = list(stubs)
-    for k in chosen:
-        i = stubs[k].node
-        if i >= 0 and not stubs[k].plain:
-            ends = np.flatnonzero(p.node_of_end == i).tolist()
-            result[k] = _plain_node(p, i, {e: discs.made[e] for e in ends}, stubs[k].discs)
-    return result
+    full = {e for e, stub in stubs.items() if stub.node >= 0 and not stub.plain}
+    chosen = full & faulty or full
+    return stubs | {e: _plain_node(p, e, stubs[e].discs, stubs[e].behind) for e in sorted(chosen)}
 
 
-def _fuse(zone: Zone, cells: list[int], stubs: list[_Stub], out: _Pieces) -> None:
+def _fuse(zone: Zone, cells: list[int], stubs: list[_Stub], open_discs: dict[int, Any], out: _Pieces) -> None:
     from michell_cad.cad import kernel
     from michell_cad.cad import kernel_booleans as booleans
 
@@ -353,13 +369,14 @@ def _fuse(zone: Zone, cells: list[int], stubs: list[_Stub], out: _Pieces) -> Non
                 for face in booleans.faces_of(zone.cells[c]):
                     for image in pieces.images(face):
                         tag.put(image, (int(FaceRole.KEPT), int(zone.owner[c]), kind))
-    discs = booleans.FaceTable()
-    for stub in stubs:
-        for disc in stub.discs:
-            discs.put(disc, True)
-    dropped = [face for face in outer if discs.get(face)]
-    if len(dropped) != sum(len(stub.discs) for stub in stubs):
-        raise booleans.SplitError("the kernel changed a circle where the truss goes on", [])
+    discs, found = booleans.FaceTable(), booleans.FaceTable()
+    for disc in open_discs.values():
+        discs.put(disc, True)
+    for face in outer:
+        found.put(face, True)
+    changed = [end for end, disc in open_discs.items() if not found.get(disc)]
+    if changed:
+        raise _CircleError(changed)
     for face in outer:
         if not discs.get(face):
             value = tag.get(face)

@@ -5,6 +5,7 @@ from michell_cad.edits.attachments import Attach, Frames, attachment_frames
 from michell_cad.edits.edit_list import NO_EDITS, EditList, EditScript, change_knobs, read_script, write_script
 from michell_cad.edits.joining import Join
 from michell_cad.edits.removing import Remove, RemoveOpenEnds, Thin
+from michell_cad.edits.script_schema import script_schema
 from michell_cad.edits.selections import (
     Box,
     Every,
@@ -19,7 +20,7 @@ from michell_cad.edits.selections import (
 )
 from michell_cad.edits.sentences import selection_from
 from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
-from michell_cad.edits.sizing import Entasis, Radius, size_structure
+from michell_cad.edits.sizing import Entasis, Radius, resize_structure, size_structure
 from michell_cad.edits.snapping import Snap
 from michell_cad.edits.structure import DesignFields, Edit, Structure
 from michell_cad.edits.tagging import Tag, tagged_members
@@ -59,6 +60,8 @@ __all__ = [
     "build_sheets",
     "change_knobs",
     "read_script",
+    "resize_structure",
+    "script_schema",
     "selection_from",
     "size_structure",
     "tagged_members",

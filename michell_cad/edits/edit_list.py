@@ -39,8 +39,10 @@ from michell_cad.pipeline import Design
 
 VERSION = 1
 
-_KINDS = AddCurve | AddSheet | AddStrut | Attach | Entasis | Join | Radius | Remove | RemoveOpenEnds | Snap | Tag | Thin
-_EDIT = TypeAdapter[Edit](Annotated[_KINDS, Field(discriminator="do")])
+KINDS = AddCurve | AddSheet | AddStrut | Attach | Entasis | Join | Radius | Remove | RemoveOpenEnds | Snap | Tag | Thin
+EDITS = Annotated[KINDS, Field(discriminator="do")]
+"""Any edit, told apart by what it does."""
+_EDIT = TypeAdapter[Edit](EDITS)
 
 _PATH_KEYS = ("solid", "design", "part")
 """Keys of edits and selections whose value is a path."""

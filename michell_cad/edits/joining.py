@@ -31,7 +31,8 @@ REACH = 1.0
 class Join(Edit):
     """The truss of another design, with its own knobs and edits, joined to this one.
 
-    Its curves are chosen and edited as its own file says; radii, tags, sheets and attachments are those of this design.
+    Its curves are chosen and edited as its own file says, and what it keeps is kept; radii, tags, sheets and
+    attachments are those of this design.
     """
 
     do: Literal["join"] = "join"
@@ -44,7 +45,12 @@ class Join(Edit):
         other = open_structure(self.design)
         mesh = other.fields.mesh
         truss = join_trusses(structure.truss, structure.whole_mesh, other.truss, mesh, self.reach)
-        return replace(structure.with_truss(truss), others=(*structure.others, mesh, *other.others))
+        kept = tuple(replace(one, name=f"joined {one.name}") for one in other.whole_kept)
+        return replace(
+            structure.with_truss(truss),
+            others=(*structure.others, mesh, *other.others),
+            kept_of_others=(*structure.kept_of_others, *kept),
+        )
 
 
 def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh, reach: float | None = None) -> Truss:

@@ -205,7 +205,7 @@ class Where(_OfCurves):
     place: str
 
     def __post_init__(self) -> None:
-        require(self.place in _PLACES, f"where must be one of {', '.join(_PLACES)}, found {self.place!r}")
+        require(self.place in PLACES, f"where must be one of {', '.join(PLACES)}, found {self.place!r}")
 
     def curves(self, truss: Truss) -> np.ndarray:
         inside = np.array([curve.kind is CurveKind.INTERIOR for curve in truss.curves], bool)
@@ -215,7 +215,7 @@ class Where(_OfCurves):
         return {"where": self.place}
 
 
-_PLACES = ("boundary", "inside")
+PLACES = ("boundary", "inside")
 
 
 @dataclass(frozen=True)

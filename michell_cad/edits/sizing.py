@@ -3,6 +3,7 @@
 Where two edits speak of the same member the later one holds. Members of which no edit speaks follow the knobs.
 """
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import igl
@@ -30,7 +31,7 @@ class Radius(SelectingEdit):
 
     do: Literal["radius"] = "radius"
     to: float | None = Field(default=None, gt=0, description="Radius, mm.")
-    times: Factor | None = Field(default=None, description="Or: over the radius of the knobs.")
+    times: Factor | None = Field(default=None, description="Or: over the radius that the knobs, or the loads, give.")
     over: Literal["length", "stress", "depth"] | None = Field(
         default=None,
         description="What the radius varies with: the length along each curve, the axial stress (1: the 95 per cent "
@@ -54,10 +55,10 @@ class Radius(SelectingEdit):
         self.members(structure.truss)
         return structure.with_note(self)
 
-    def resized(self, radii: np.ndarray, knob: float, structure: Structure) -> np.ndarray:
-        """The radii (n_m, 3) with those of the selected members replaced; `knob` is the radius of the knobs."""
+    def resized(self, radii: np.ndarray, given: np.ndarray, structure: Structure) -> np.ndarray:
+        """The radii (n_m, 3) with those of the selected members replaced; `given` are those before any edit."""
         mine = self.members(structure.truss)
-        base = self.to if self.to is not None else (self.times or 1.0) * knob
+        base = self.to if self.to is not None else (self.times or 1.0) * given[mine]
         factor = np.ones((int(mine.sum()), 3))
         if self.over is not None:
             x = _MEASURES[self.over](structure.truss, structure.fields)[mine]
@@ -87,12 +88,24 @@ def size_structure(structure: Structure, knobs: Knobs | None = None) -> SizedTru
         If a selection is empty by now, or a radius is too large for the cell edge of the truss.
     """
     truss, knobs = structure.truss, knobs or structure.knobs
-    knob = default_radius(truss, knobs)
-    radii = np.full((len(truss.members), 3), knob)
-    entasis = np.full(len(truss.curves), knobs.entasis)
+    given = np.full((len(truss.members), 3), default_radius(truss, knobs))
+    return _edit_radii(structure, SizedTruss(truss, given), knobs, knobs.entasis)
+
+
+def resize_structure(structure: Structure, sized: SizedTruss) -> SizedTruss:
+    """A truss whose radii suit its loads, with those that the edits of its structure want; see `size_structure`.
+
+    `times` and `values` of an edit are over the radii that the members have, and so is entasis.
+    """
+    return _edit_radii(replace(structure, truss=sized.truss), sized, structure.knobs, 0.0)
+
+
+def _edit_radii(structure: Structure, sized: SizedTruss, knobs: Knobs, entasis_elsewhere: float) -> SizedTruss:
+    truss, radii = sized.truss, np.array(sized.radii)
+    entasis = np.full(len(truss.curves), entasis_elsewhere)
     for edit in structure.noted:
         if isinstance(edit, Radius):
-            radii = edit.resized(radii, knob, structure)
+            radii = edit.resized(radii, sized.radii, structure)
         elif isinstance(edit, Entasis):
             entasis[edit.curves(truss)] = edit.to
     radii = radii * (1 + entasis[truss.curve_of_member, None] * entasis_weights(truss))

@@ -80,7 +80,8 @@ class Structure:
     as_traced : whether no edit has changed the truss since it was traced and chosen.
     noted : edits of the finished truss, in order.
     others : the parts of trusses that were joined to this one.
-    kept : solids with which the finished truss is united.
+    kept : solids of the design with which the finished truss is united.
+    kept_of_others : those of the trusses that were joined to this one.
     sizing : how its radii are made to suit the loads; None: knobs and edits decide.
     """
 
@@ -93,6 +94,7 @@ class Structure:
     noted: tuple["Edit", ...] = ()
     others: tuple[TetMesh, ...] = ()
     kept: "tuple[KeptSolid, ...]" = ()
+    kept_of_others: "tuple[KeptSolid, ...]" = ()
     sizing: StrengthenOptions | None = None
 
     @staticmethod
@@ -118,6 +120,11 @@ class Structure:
                 np.concatenate([mesh.tets, other.tets + len(mesh.vertices)]),
             )
         return mesh
+
+    @property
+    def whole_kept(self) -> "tuple[KeptSolid, ...]":
+        """All solids with which the finished truss is united."""
+        return (*self.kept, *self.kept_of_others)
 
     def of_kind(self, kind: "type[AnyEdit]") -> "tuple[AnyEdit, ...]":
         """The noted edits of a kind, in order."""

@@ -50,10 +50,8 @@ class InteriorNodes:
     points: Float[np.ndarray, "n 3"]
 
 
-def trace_interior(
-    mesh: TetMesh, crossings: FaceCrossings, points: Float[np.ndarray, "n_c 3"]
-) -> tuple[Segments, InteriorNodes]:
-    """Link the face crossings (at `points`) by segments through the tets, and find the nodes on them."""
+def trace_interior(mesh: TetMesh, crossings: FaceCrossings) -> tuple[Segments, InteriorNodes]:
+    """Link the face crossings by segments through the tets, and find the nodes on them."""
     sides = 2 * len(crossings.face) - np.count_nonzero(mesh.face_tets[crossings.face, 1] < 0)
     tets, ends = np.empty(sides // 2, np.int32), np.empty((sides // 2, 2), np.int32)
     n = link_crossings(
@@ -72,7 +70,7 @@ def trace_interior(
         crossings.b,
         crossings.floor,
         crossings.level,
-        points,
+        crossings.points,
         numbers,
         nodes.tets,
         nodes.values,

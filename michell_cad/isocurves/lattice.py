@@ -36,8 +36,11 @@ MAX_CELLS_PER_TET = 256.0
 MAX_LEVEL = 2.0**30
 """Levels below this keep the grid exact in 64-bit integers, and their floors in 32 bits."""
 
-MAX_CROSSINGS = 2**24
-"""Candidates of one pair that are examined at once (52 bytes each of the three pairs, of address space)."""
+USUAL_CROSSINGS = 4
+"""Room for crossings per face at first; the given problems have up to 2.2. It doubles until it is enough."""
+
+MAX_CROSSINGS = 2**26
+"""Room for crossings at most (52 bytes each)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ class FaceCrossings:
     face : (n,) int.
     pair : (n,) int, index into `PAIRS`.
     a, b : (n,) int, values of the two coordinates.
-    weights : (n, 3) float, barycentric coordinates in the face.
+    points : (n, 3) float, mm.
     floor : (n,) int, largest integer below the third coordinate of the crossing, exact.
     level : (n,) float, third coordinate of the crossing.
     offsets : (n_f + 1,) int; crossings of face f are ``offsets[f] : offsets[f + 1]``.
@@ -126,81 +129,69 @@ class FaceCrossings:
     pair: Int[np.ndarray, " n"]
     a: Int[np.ndarray, " n"]
     b: Int[np.ndarray, " n"]
-    weights: Float[np.ndarray, "n 3"]
+    points: Float[np.ndarray, "n 3"]
     floor: Int[np.ndarray, " n"]
     level: Float[np.ndarray, " n"]
     offsets: Int[np.ndarray, " n_f1"]
 
 
-def cross_faces(faces: Int[np.ndarray, "n_f 3"], grid: GridLevels) -> FaceCrossings:
+def cross_faces(
+    vertices: Float[np.ndarray, "n_v 3"], faces: Int[np.ndarray, "n_f 3"], grid: GridLevels
+) -> FaceCrossings:
     """Find all crossings of lattice lines with triangles.
 
     The line of the pair (i, j) through (a, b) crosses a face when (a, b) lies inside the image of the face in the plane
     (phi_i, phi_j): the three products w = orient2D(two corners, point) then have the same sign. They are the
-    barycentric coordinates, times their sum, from which the third coordinate follows as an exact fraction.
+    barycentric coordinates, times their sum, from which the point and the third coordinate (an exact fraction) follow.
     """
-    candidates = count_candidates(faces, grid.floors)
-    require(
-        candidates.max() < MAX_CROSSINGS,
-        f"the levels cross the faces of the mesh {candidates.max()} times for one pair of coordinates, more than "
-        f"{MAX_CROSSINGS}: the parametrization is too wild, or the resolution too high, for this mesh",
-    )
-    # Room for all candidates; the system gives memory only to the part that is filled. Half-size integers, since what
-    # follows is bound by memory.
-    room = int(candidates.sum())
-    integers = tuple(np.empty(room, np.int32) for _ in range(5))
-    weights, level = np.empty((room, 3)), np.empty(room)
+    # Counting first would cost a fifth of the search; room that is not filled costs nothing, since the system gives
+    # memory when it is used. All is bound by memory: hence half-size integers, and floors of the levels at hand.
     offsets = np.zeros(len(faces) + 1, np.int64)
-    n = find_crossings(faces, grid.values, grid.floors, grid.shift, *integers, weights, level, offsets)
+    room, n = USUAL_CROSSINGS * len(faces), -1
+    while n < 0:
+        require(
+            room <= MAX_CROSSINGS,
+            f"isocurves cross the {len(faces)} faces of the mesh more than {room // 2} times: the parametrization is "
+            "too wild, or the resolution too high, for this mesh",
+        )
+        integers = tuple(np.empty(room, np.int32) for _ in range(5))
+        points, level = np.empty((room, 3)), np.empty(room)
+        n = find_crossings(vertices, faces, grid.values, grid.shift, *integers, points, level, offsets)
+        room *= 2
     face, pair, a, b, floor = (array[:n] for array in integers)
-    return FaceCrossings(face, pair, a, b, weights[:n], floor, level[:n], offsets)
-
-
-def _count_candidates(faces: Any, floors: Any) -> Any:
-    """For each pair of coordinates the number of lattice points in the bounding boxes of all faces."""
-    counts = np.zeros(3, np.int64)
-    span = np.empty(3, np.int64)
-    for f in range(len(faces)):
-        u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
-        for i in range(3):
-            x, y, z = floors[u, i], floors[v, i], floors[w, i]
-            span[i] = max(x, y, z) - min(x, y, z)
-        for pair in range(3):
-            i, j = PAIRS[pair]
-            counts[pair] += span[i] * span[j]
-    return counts
+    return FaceCrossings(face, pair, a, b, points[:n], floor, level[:n], offsets)
 
 
 def _find_crossings(
+    vertices: Any,
     faces: Any,
     values: Any,
-    floors: Any,
     shift: int,
     face: Any,
     pair: Any,
     a: Any,
     b: Any,
     floor: Any,
-    weights: Any,
+    points: Any,
     level: Any,
     offsets: Any,
 ) -> int:
-    """Fill the arrays of `FaceCrossings`, in the order of face, pair, a, b; return the number of crossings."""
+    """Fill the arrays of `FaceCrossings`, in the order of face, pair, a, b; the number of crossings, -1 if too many."""
     n = 0
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for f in range(len(faces)):
         offsets[f] = n
         u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
+        for i in range(3):
+            x, y, z = values[u, i], values[v, i], values[w, i]
+            low[i], high[i] = min(x, y, z) >> shift, max(x, y, z) >> shift
         for p in range(3):
             i, j = PAIRS[p]
             k = 2 - p
-            low, high = min(floors[u, i], floors[v, i], floors[w, i]), max(floors[u, i], floors[v, i], floors[w, i])
-            if low == high:
-                continue
-            left, right = min(floors[u, j], floors[v, j], floors[w, j]), max(floors[u, j], floors[v, j], floors[w, j])
-            for first in range(low + 1, high + 1):
+            for first in range(low[i] + 1, high[i] + 1):
                 x = first << shift
                 x0, x1, x2 = values[u, i] - x, values[v, i] - x, values[w, i] - x
-                for second in range(left + 1, right + 1):
+                for second in range(low[j] + 1, high[j] + 1):
                     y = second << shift
                     y0, y1, y2 = values[u, j] - y, values[v, j] - y, values[w, j] - y
                     w0, side0 = orient(x1, y1, x2, y2)
@@ -210,23 +201,16 @@ def _find_crossings(
                     w2, side2 = orient(x0, y0, x1, y1)
                     if side1 != side2:
                         continue
+                    if n == len(face):
+                        return -1
                     face[n], pair[n], a[n], b[n] = f, p, first, second
                     area = w0 + w1 + w2
-                    weights[n, 0], weights[n, 1], weights[n, 2] = w0 / area, w1 / area, w2 / area
+                    for d in range(3):
+                        points[n, d] = (w0 * vertices[u, d] + w1 * vertices[v, d] + w2 * vertices[w, d]) / area
                     floor[n], level[n] = third_coordinate(values[u], values[v], values[w], k, w1, w2, area, shift)
                     n += 1
     offsets[len(faces)] = n
     return n
-
-
-def _place_crossings(vertices: Any, faces: Any, face: Any, weights: Any, points: Any) -> None:
-    """Points with the barycentric coordinates `weights` in the given faces."""
-    for n in range(len(face)):
-        u, v, w = faces[face[n], 0], faces[face[n], 1], faces[face[n], 2]
-        for d in range(3):
-            points[n, d] = (
-                weights[n, 0] * vertices[u, d] + weights[n, 1] * vertices[v, d] + weights[n, 2] * vertices[w, d]
-            )
 
 
 def _orient(x0: int, y0: int, x1: int, y1: int) -> tuple[int, int]:
@@ -270,8 +254,6 @@ def _third_coordinate(p: Any, q: Any, r: Any, k: int, w1: int, w2: int, area: in
 
 orient = compiled(_orient, inline=True)
 third_coordinate = compiled(_third_coordinate)
-count_candidates = compiled(_count_candidates)
-place_crossings = compiled(_place_crossings)
 find_crossings = compiled(_find_crossings)
 
 

@@ -66,12 +66,12 @@ def trace_surface(
     face = (faces.offsets, faces.pair, faces.a, faces.b, faces.floor)
     rank_nodes(mesh.boundary_faces, *face, boundary_nodes, ends, edges.floors, offsets, first_segment, low, nodes)
     assert (nodes >= 0).all(), "a surface curve misses the end of an interior curve"
-    # Chain vertices: crossings with smooth edges, and then every end at a sharp edge.
-    smooth, vertex = np.unique(ends[~sharp[edge]], return_inverse=True)
-    chain_ends = np.empty_like(ends)
-    chain_ends[~sharp[edge]] = vertex
-    chain_ends[sharp[edge]] = len(smooth) + np.arange(np.count_nonzero(sharp[edge]))
-    vertex_crossings = np.concatenate([smooth, ends[sharp[edge]]])
+    # Chain vertices: crossings with smooth edges, which join two segments, and then every end at a sharp edge.
+    is_smooth, at_sharp = ~sharp[edges.edge], sharp[edge]
+    smooth = np.flatnonzero(is_smooth)
+    chain_ends = (np.cumsum(is_smooth) - 1)[ends]
+    chain_ends[at_sharp] = len(smooth) + np.arange(np.count_nonzero(at_sharp))
+    vertex_crossings = np.concatenate([smooth, ends[at_sharp]])
     return SurfaceSegments(Segments(chain_ends, offsets, nodes), triangle, axis, value, vertex_crossings)
 
 

@@ -33,7 +33,6 @@ from michell_cad.isocurves.lattice import (
     FaceCrossings,
     cross_faces,
     lexicographic_order,
-    place_crossings,
     round_levels,
 )
 from michell_cad.isocurves.network import CurveNetwork
@@ -137,10 +136,9 @@ def trace_isocurves(
         f"families must name tension, compression and third once each, found {families}",
     )
     grid = round_levels(levels, mesh.tets)
-    crossings = cross_faces(mesh.faces, grid)
-    points = np.empty((len(crossings.face), 3))
-    place_crossings(mesh.vertices, mesh.faces, crossings.face, crossings.weights, points)
-    interior, interior_nodes = trace_interior(mesh, crossings, points)
+    crossings = cross_faces(mesh.vertices, mesh.faces, grid)
+    points = crossings.points
+    interior, interior_nodes = trace_interior(mesh, crossings)
     edges = cross_edges(mesh.boundary_edges, grid)
     edge_points, edge_levels = _at_edges(mesh, levels, edges)
     sharp = mesh.is_feature_edge
@@ -323,13 +321,14 @@ def _assemble(
     rank[order] = np.arange(len(order))
     segments = Segments(strands.segments.ends, strands.segments.node_offsets, rank[strands.segments.nodes])
     numbered = np.where(vertex_nodes >= 0, rank[vertex_nodes], -1) if len(rank) else vertex_nodes
-    woven = weave_curves(chains, segments, numbered, strands.vertex_points, labels, axes, nodes.levels[order])
+    levels = nodes.levels.take(order, 0)
+    woven = weave_curves(chains, segments, numbered, strands.vertex_points, labels, axes, levels)
     return CurveNetwork(
-        nodes.points[order],
+        nodes.points.take(order, 0),
         nodes.kinds[order],
-        nodes.levels[order],
+        levels,
         woven.members,
-        strands.vertex_points[woven.path],
+        strands.vertex_points.take(woven.path, 0),  # much faster than an index, for rows
         woven.path_offsets,
         _label(woven, labels[woven.chain], axes[woven.chain], families),
     )

@@ -108,7 +108,7 @@ def _order_curves(
     tied = np.union1d(order[1:][same], order[:-1][same])
     if not len(tied):
         return order
-    size = max(np.ptp(vertex_points, axis=0).max(), np.finfo(float).tiny)
+    size = max(*(np.ptp(column) for column in vertex_points.T), np.finfo(float).tiny)
     places = np.zeros((len(used), 3))
     for c in tied:
         vertices = chains.order[chains.offsets[used[c]] : chains.offsets[used[c] + 1]]

@@ -20,9 +20,9 @@ def count_double_wound_edges(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> 
     """
     total = np.zeros(len(mesh.edges))
     _add_angles(mesh.tets, mesh.tet_edges, phi, total)
-    n_v = len(mesh.vertices)
-    boundary = np.isin(mesh.edges @ [n_v, 1], mesh.boundary_edges @ [n_v, 1])
-    return int((np.abs(total[~boundary] - 2 * np.pi) > WINDING_TOLERANCE).sum())
+    wrong = np.abs(total - 2 * np.pi) > WINDING_TOLERANCE
+    wrong[mesh.boundary_edge_numbers] = False
+    return int(wrong.sum())
 
 
 def _add_dihedral_angles(tets: Any, tet_edges: Any, phi: Any, total: Any) -> None:

@@ -6,10 +6,9 @@ Pictures are the same from run to run.
 
 from michell_cad.picture.part_picture import Arrow, face_colours, render_part
 from michell_cad.picture.stress_picture import StressedBalls, render_member_stress, render_solid_stress
-from michell_cad.picture.truss_picture import FAMILY_COLOURS, ShownMesh, render_truss
+from michell_cad.picture.truss_picture import ShownMesh, render_truss
 
 __all__ = [
-    "FAMILY_COLOURS",
     "Arrow",
     "ShownMesh",
     "StressedBalls",

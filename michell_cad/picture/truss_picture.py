@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 
 from michell_cad.curves import FAMILIES
 from michell_cad.domain.patches import number_patches
+from michell_cad.palette import COLOURS
 from michell_cad.picture.camera import Camera, place_camera
 from michell_cad.picture.canvas import Canvas
 from michell_cad.picture.shading import blend, glass_opacity, outline_pixels, shade_solid
@@ -26,17 +27,6 @@ from michell_cad.picture.sheet import (
 from michell_cad.splines import MemberSplines, fit_splines
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import SizedTruss, member_radius
-
-FAMILY_COLOURS: dict[str, Colour] = {
-    "tension": (0.80, 0.27, 0.30),
-    "compression": (0.08, 0.36, 0.66),
-    "third": (0.90, 0.70, 0.22),
-    "feature": (0.55, 0.57, 0.60),
-    "added": (0.80, 0.47, 0.65),
-    "brace": (0.36, 0.25, 0.45),
-}
-"""Red, blue and yellow stay apart for all common kinds of colour blindness and in grey, as P. Tol's high-contrast
-scheme, whose hues they have (https://sronpersonalpages.nl/~pault/)."""
 
 GHOST: Colour = (0.45, 0.55, 0.66)
 """Colour of the ghost of the part."""
@@ -115,7 +105,7 @@ def render_truss(
         bars.draw_triangles(camera.project(corners), facing, np.full(len(corners), number))
     front, back, lines = _draw_ghost(mesh, camera, width, height)
 
-    palette = np.array([*(FAMILY_COLOURS[name] for name in FAMILIES), *(other.colour for other in others)])
+    palette = np.array([*(COLOURS[name] for name in FAMILIES), *(other.colour for other in others)])
     rgb, covered = shade_solid(bars, palette)
     behind = np.where(covered, 0, glass_opacity(back)).astype(np.float32)
     picture = blend(rgb, np.array(GHOST), 0.7 * behind)
@@ -123,7 +113,7 @@ def render_truss(
     picture = _draw_lines(picture, lines, bars, front)
     curves = sized.truss.curves
     entries = [
-        (FAMILY_COLOURS[name], f"{_WORDS.get(name, name)}: {count} curve{'s' if count > 1 else ''}")
+        (COLOURS[name], f"{_WORDS.get(name, name)}: {count} curve{'s' if count > 1 else ''}")
         for name in FAMILIES
         if (count := sum(curve.family == name for curve in curves))
     ]

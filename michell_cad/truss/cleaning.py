@@ -28,6 +28,10 @@ from michell_cad.truss.waypoints import keep_to_surface
 MAX_ROUNDS = 20
 """Rounds of collapsing and joining; each shortens the truss. Maps of which a third is folded needed 5."""
 
+SAME = 9
+"""Lengths and angles that agree in so many decimals (relative) count as equal: then the numbers of the nodes decide,
+which stay the same when the part is turned or moved."""
+
 
 @dataclass(frozen=True)
 class TrussOptions:
@@ -184,7 +188,7 @@ def collapse_short(draft: Draft, shortest: float) -> tuple[Draft, int, int]:
         short = np.flatnonzero(lengths < shortest)
         if not len(short):
             break
-        order = short[np.argsort(lengths[short], kind="stable")]
+        order = short[np.argsort(_ranked(lengths[short] / shortest), kind="stable")]
         best = np.full(len(nodes), len(order))
         np.minimum.at(best, pairs[order].ravel(), np.repeat(np.arange(len(order)), 2))
         chosen = pairs[order[(best[pairs[order]] == np.arange(len(order))[:, None]).all(1)]]
@@ -279,11 +283,16 @@ def acute_pairs(
     second = first + 1 + local
     chord = np.linalg.norm(along[first] - along[second], axis=1)
     acute = np.flatnonzero(chord < 2 * np.sin(smallest_angle / 2))
-    acute = acute[np.argsort(chord[acute], kind="stable")]
+    acute = acute[np.argsort(_ranked(chord[acute]), kind="stable")]
     first, second = first[acute], second[acute]
-    swap = lengths[first] > lengths[second]
+    swap = lengths[first] > lengths[second] * (1 + 10.0**-SAME)
     near, far = np.where(swap, second, first), np.where(swap, first, second)
     return darts[near, 0], darts[near, 1], darts[far, 1]
+
+
+def _ranked(values: np.ndarray) -> np.ndarray:
+    """Values near 1 by which things are put in order, without the rounding that would decide between equal ones."""
+    return np.round(values, SAME)
 
 
 def valences(kinds: Int[np.ndarray, " n"], members: Int[np.ndarray, "m 2"]) -> dict[str, dict[int, int]]:

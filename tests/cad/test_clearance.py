@@ -4,8 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from michell_cad.cad import prepare
+from michell_cad.cad.balls import Balls
 from michell_cad.cad.clearance import crossing_members, crossing_spheres, crossing_tubes
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.solid import build_solid
@@ -99,3 +101,26 @@ def _swollen(sizes):
     radius = np.array(sizes.radius)
     radius[[1, 2]] = 1.8
     return dataclasses.replace(sizes, radius=radius)
+
+
+def test_balls_overlap_as_a_tree_finds_them() -> None:
+    """A cloud of balls in clumps and strays, each of a member of its own, against a k-d tree."""
+    rng = np.random.default_rng(4)
+    points = np.concatenate([rng.normal(size=(150, 3)) * 4, rng.normal(size=(150, 3)) * 0.5 + 30, [[900.0, 0, 0]]])
+    r = rng.uniform(0.2, 1.0, len(points))
+    n = len(points)
+    members = np.arange(2 * n).reshape(n, 2)
+    nodes = np.repeat(points, 2, axis=0)
+    balls = Balls.of(np.arange(n), points, r)
+    pairs, depth = balls.overlaps(0.9, members, nodes, np.zeros((n, 2)))
+    near = KDTree(points).query_pairs(2.0, output_type="ndarray")
+    deep = 0.9 * r[near].sum(1) - np.linalg.norm(points[near[:, 0]] - points[near[:, 1]], axis=1)
+    expected = {tuple(pair): value for pair, value in zip(near.tolist(), deep.tolist(), strict=True) if value > 0}
+    assert len(expected) > n
+    found = {tuple(sorted(pair)): value for pair, value in zip(pairs.tolist(), depth.tolist(), strict=True)}
+    assert len(found) == len(pairs)
+    assert found == pytest.approx(expected)
+    # The same again with a ball of each as the sphere of a node of its own member: all others that touch it.
+    spheres = np.repeat(r, 2)
+    node, member, _ = balls.inside(0.9, members, np.arange(0, 2 * n, 2), nodes, spheres)
+    assert {tuple(sorted(pair)) for pair in zip((node // 2).tolist(), member.tolist(), strict=True)} == set(expected)

@@ -17,12 +17,12 @@ from michell_cad.cad.brep import export_brep
 from michell_cad.cad.formats import FORMATS, SUFFIXES, ExportOptions, export_solid, file_name, format_of
 from michell_cad.cad.glb import export_glb, linear_colour, vertex_normals
 from michell_cad.cad.mesh_groups import closed_bodies, coloured_triangles, own_vertices
-from michell_cad.cad.palette import COLOURS, GROUPS, group_colour
 from michell_cad.cad.solid import TrussSolid, build_solid
 from michell_cad.cad.stl import export_stl
 from michell_cad.cad.threemf import export_3mf
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
+from michell_cad.palette import COLOURS, GROUPS, group_colour
 from tests.cad.layouts import grid_truss, sized, star
 
 GROUPS_OF_GRID = ["tension", "compression", "third", "nodes"]

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from michell_cad.cad.mesh import mesh_truss
-from michell_cad.cad.mitres import SPHERE, corner_angles, cut_mitre
+from michell_cad.cad.mitre_cuts import SPHERE
+from michell_cad.cad.mitres import corner_angles, cut_mitre
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.knobs import Knobs
 from tests.cad.layouts import star

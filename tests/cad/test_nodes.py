@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from michell_cad.cad.node_sizing import angle_between, separating_radius, size_node
 from michell_cad.cad.nodes import (
     LARGEST_RATIO,
     MARGIN,
@@ -12,19 +13,19 @@ from michell_cad.cad.nodes import (
     NodeSizes,
     angles_between,
     cap_angle,
-    end_pairs,
     node_levels,
-    separating_radius,
-    size_nodes,
 )
 
 
 def sizes_of(directions, radii, fillet_ratio=0.4, node_ratio=1.8, level=0) -> NodeSizes:
     d = np.array(directions, float)
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    radii = np.broadcast_to(np.asarray(radii, float), (len(d),)).copy()
-    node = np.zeros(len(d), int)
-    return size_nodes(node, d, radii, 1, fillet_ratio, node_levels(node_ratio), np.array([level]), np.ones(1))
+    k, room = len(d), node_levels(node_ratio)[level]
+    wanted = np.broadcast_to(np.asarray(radii, float), (k,)).copy()
+    r, f, reach, creased = np.empty(k), np.empty(k), np.empty(k), np.empty(k, bool)
+    ratios = room.smallest_ratio, room.largest_ratio, room.largest_fillet * fillet_ratio
+    R, rival = size_node(d, wanted, *ratios, r, f, reach, creased)
+    return NodeSizes(np.array([R]), r, f, reach, creased, rival)
 
 
 def at_angle(degrees: float) -> list[list[float]]:
@@ -32,31 +33,31 @@ def at_angle(degrees: float) -> list[list[float]]:
     return [[1, 0, 0], [np.cos(a), np.sin(a), 0]]
 
 
-def test_pairs_are_all_pairs_at_each_node() -> None:
-    first, second = end_pairs(np.array([3, 5, 3, 5, 3, 7]))
-    assert sorted(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 2), (0, 4), (1, 3), (2, 4)]
-
-
 def test_angles_near_zero_and_pi() -> None:
     tiny = np.array([[np.cos(1e-9), np.sin(1e-9), 0.0]])
     x = np.array([[1.0, 0, 0]])
     assert angles_between(x, tiny)[0] == pytest.approx(1e-9, rel=1e-6)
     assert angles_between(-x, tiny)[0] == pytest.approx(np.pi - 1e-9, abs=1e-15)
+    assert angle_between(x[0], tiny[0]) == angles_between(x, tiny)[0]
 
 
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 100.0])
 @pytest.mark.parametrize("f", [0.0, 0.4])
 def test_separating_radius_of_equal_members(degrees, f) -> None:
     """R = (r + f) / sin((alpha - margin) / 2) - f."""
-    alpha, r = np.radians([degrees]), np.ones(1)
-    R = separating_radius(alpha, r, r, f * r, f * r)
+    alpha = np.radians(degrees)
+    R = separating_radius(alpha, 1.0, 1.0, f, f)
     expected = (1 + f) / np.sin((alpha - MARGIN) / 2) - f
-    assert pytest.approx(np.maximum(expected, 1.15), rel=1e-6) == R
+    assert pytest.approx(max(expected, 1.15), rel=1e-6) == R
+
+
+def test_no_sphere_separates_members_that_nearly_coincide() -> None:
+    assert np.isinf(separating_radius(1.9 * MARGIN, 1.0, 1.0, 0.4, 0.4))
 
 
 def test_separating_radius_of_unequal_members() -> None:
-    alpha = np.radians([50.0])
-    R = separating_radius(alpha, np.array([1.0]), np.array([0.4]), np.array([0.4]), np.array([0.16]))
+    alpha = np.radians(50.0)
+    R = separating_radius(alpha, 1.0, 0.4, 0.4, 0.16)
     total = cap_angle(R, np.array([1.0]), np.array([0.4])) + cap_angle(R, np.array([0.4]), np.array([0.16]))
     assert total + MARGIN == pytest.approx(alpha, rel=1e-6)
 
@@ -117,7 +118,7 @@ def test_caps_are_clear_or_overlap_clearly(seed) -> None:
     if not np.isfinite(sizes.radius[0]):
         return
     a = cap_angle(sizes.radius[0], sizes.end_radius, sizes.fillet)
-    first, second = end_pairs(np.zeros(len(d), int))
+    first, second = np.triu_indices(len(d), 1)
     gap = angles_between(d[first], d[second]) - a[first] - a[second]
     both = sizes.creased[first] & sizes.creased[second]
     assert ((gap >= MARGIN - 1e-6) | (both & (gap < -0.9 * 2 * MARGIN))).all()

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from michell_cad.cad import kernel, kernel_files, step_forecast
-from michell_cad.cad.palette import COLOURS
 from michell_cad.cad.solid import TrussSolid, build_solid
 from michell_cad.cad.step import export_step, forecast_step, read_step_summary
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.knobs import Knobs
+from michell_cad.palette import COLOURS
 from tests.cad.layouts import grid_truss, sized, sparse_reference_truss, star
 
 READ = """

@@ -19,6 +19,12 @@ def small_bar() -> Design:
 
 
 @cache
+def coarse_bar() -> Design:
+    """The same bar with cells of about 30 mm: its solid is built in a third of a second."""
+    return design(cantilever((4, 2, 2)), DesignOptions(3))
+
+
+@cache
 def bar_behind() -> Design:
     """The same bar from x = 80 to 160 mm with somewhat smaller cells."""
     problem = cantilever((8, 4, 4))

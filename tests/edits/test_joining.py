@@ -1,12 +1,14 @@
 from dataclasses import replace
 
+import build123d as bd
 import numpy as np
 import pytest
 from designs import bar_behind, small_bar, turned_design
 from scipy.spatial.transform import Rotation
 
-from michell_cad.cad import build_solid
-from michell_cad.design_file import save_design
+from michell_cad.building import build_united, size_finished
+from michell_cad.cad import build_solid, kept_shape
+from michell_cad.design_file import open_structure, save_design
 from michell_cad.edits import EditList, Join, Remove, Where, size_structure
 from michell_cad.edits.joining import join_trusses
 from michell_cad.errors import InvalidInputError
@@ -34,9 +36,27 @@ def test_the_joined_truss_is_one_valid_solid(tmp_path):
     save_design(tmp_path / "other.npz", OTHER, Knobs(every=2))
     structure = EditList((Join(design=str(tmp_path / "other.npz")),)).replay(ONE, Knobs(every=2))
     report = build_solid(size_structure(structure), structure.knobs).report
-    assert report.solids == 1
+    assert report.solids == count_components(structure.truss) == 1
     assert report.valid
+    assert report.genus == report.expected_genus
     assert structure.whole_mesh.volumes.sum() == pytest.approx(2 * 80 * 40 * 40)
+
+
+def test_what_either_design_keeps_is_kept(tmp_path):
+    """A bolted foot at the far end of the other bar, and a pad where the first one is held."""
+    foot = kept_shape("foot", bd.Pos(155, 20, 20) * (bd.Box(10, 40, 40) - bd.Rot(0, 90, 0) * bd.Cylinder(4, 10)))
+    pad = kept_shape("pad", bd.Pos(2, 20, 20) * bd.Box(4, 40, 40))
+    save_design(tmp_path / "other.npz", OTHER, Knobs(every=4, fillet_ratio=0.0), kept=(foot,))
+    edits = EditList((Join(design=str(tmp_path / "other.npz")),))
+    save_design(tmp_path / "both.npz", ONE, Knobs(every=4, fillet_ratio=0.0), edits, kept=(pad,))
+    structure = open_structure(tmp_path / "both.npz")
+    assert [one.name for one in structure.kept] == ["pad"]
+    assert [one.name for one in structure.whole_kept] == ["pad", "joined foot"]
+    report = build_united(structure, size_finished(structure), lambda stage, fraction: None).report
+    assert report.valid
+    assert report.solids == 1
+    assert report.kept is not None
+    assert report.kept.volume_mm3 == pytest.approx(40 * 40 * 14 - np.pi * 16 * 10, rel=1e-6)
 
 
 def test_a_turned_pair_gives_the_turned_truss():

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from michell_cad.errors import InvalidInputError
+from michell_cad.isocurves import lattice
 from michell_cad.isocurves.edge_crossings import cross_edges
-from michell_cad.isocurves.lattice import PAIRS, GridLevels, cross_faces, round_levels
+from michell_cad.isocurves.lattice import PAIRS, USUAL_CROSSINGS, GridLevels, cross_faces, round_levels
 
 SHIFT = (Fraction(1, 10**20), Fraction(1, 10**40), Fraction(1, 10**60))
 
@@ -33,11 +34,12 @@ def test_face_crossings_equal_those_of_rational_arithmetic(shift: int) -> None:
     rng = np.random.default_rng(shift)
     grid = random_grid(rng, 60, shift)
     faces = np.sort(np.stack([rng.permutation(60)[:3] for _ in range(80)]), axis=1)
-    found = cross_faces(faces, grid)
+    vertices = rng.normal(size=(60, 3))
+    found = cross_faces(vertices, faces, grid)
     table = {
-        (int(f), int(p), int(a), int(b)): (int(c), w, level)
-        for f, p, a, b, c, w, level in zip(
-            found.face, found.pair, found.a, found.b, found.floor, found.weights, found.level, strict=True
+        (int(f), int(p), int(a), int(b)): (int(c), point, level)
+        for f, p, a, b, c, point, level in zip(
+            found.face, found.pair, found.a, found.b, found.floor, found.points, found.level, strict=True
         )
     }
     expected = {}
@@ -50,12 +52,13 @@ def test_face_crossings_equal_those_of_rational_arithmetic(shift: int) -> None:
                 w = [x[(e + 1) % 3][0] * x[(e + 2) % 3][1] - x[(e + 2) % 3][0] * x[(e + 1) % 3][1] for e in range(3)]
                 if all(v > 0 for v in w) or all(v < 0 for v in w):
                     third = sum(v * c[k] for v, c in zip(w, corners, strict=True)) / sum(w)
-                    expected[f, pair, a, b] = below(third), [float(v / sum(w)) for v in w], float(third)
+                    point = np.array([float(v / sum(w)) for v in w]) @ vertices[face]
+                    expected[f, pair, a, b] = below(third), point, float(third)
     assert len(expected) > 100
     assert table.keys() == expected.keys()
-    for key, (floor, weights, level) in expected.items():
+    for key, (floor, point, level) in expected.items():
         assert table[key][0] == floor
-        np.testing.assert_allclose(table[key][1], weights, atol=1e-12)
+        np.testing.assert_allclose(table[key][1], point, atol=1e-12)
         assert table[key][2] == pytest.approx(level, abs=1e-12)
 
 
@@ -104,7 +107,8 @@ def test_largest_tet_does_not_overflow() -> None:
     wide = 255.9
     levels = np.array([[0, 0, 0], [wide, 0, 1], [0, wide, 2], [0.3, 0.4, wide]])
     grid = round_levels(levels, np.array([[0, 1, 2, 3]]))
-    found = cross_faces(np.array([[1, 2, 3]]), grid)
+    found = cross_faces(np.eye(4, 3), np.array([[1, 2, 3]]), grid)
+    assert len(found.face) > 1000 * USUAL_CROSSINGS  # so that the room for them has doubled many times
     corners = [shifted(grid, v) for v in (1, 2, 3)]
     for n in range(0, len(found.face), 997):
         i, j = PAIRS[found.pair[n]]
@@ -112,6 +116,13 @@ def test_largest_tet_does_not_overflow() -> None:
         x = [(c[i] - int(found.a[n]), c[j] - int(found.b[n])) for c in corners]
         w = [x[(e + 1) % 3][0] * x[(e + 2) % 3][1] - x[(e + 2) % 3][0] * x[(e + 1) % 3][1] for e in range(3)]
         assert found.floor[n] == below(sum(v * c[k] for v, c in zip(w, corners, strict=True)) / sum(w))
+
+
+def test_more_crossings_than_memory_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lattice, "MAX_CROSSINGS", 64)
+    levels = np.array([[0, 0, 0], [20.5, 0, 1], [0, 20.5, 2], [0.3, 0.4, 20]])
+    with pytest.raises(InvalidInputError, match="cross the 1 faces of the mesh more than 64 times"):
+        cross_faces(np.eye(4, 3), np.array([[1, 2, 3]]), round_levels(levels, np.array([[0, 1, 2, 3]])))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What the families are called and coloured in files."""
+"""What the families are called and how they are coloured, in files and pictures alike."""
 
 from michell_cad.curves import FAMILIES
 
