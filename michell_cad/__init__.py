@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from michell_cad.delivery import deliver_job, design_job, design_options
     from michell_cad.delivery_edit import deliver_edit
     from michell_cad.delivery_export import export_design
+    from michell_cad.delivery_strength import deliver_strength
     from michell_cad.design_file import load_design, load_edits, open_structure, save_design
     from michell_cad.domain import Part, part_from_cad, read_part
     from michell_cad.edits import EditList, Structure, change_knobs, read_script, size_structure, write_script
@@ -78,6 +79,7 @@ _HOME = {
     "change_knobs": "edits",
     "deliver_edit": "delivery_edit",
     "deliver_job": "delivery",
+    "deliver_strength": "delivery_strength",
     "design": "pipeline",
     "design_job": "delivery",
     "design_options": "delivery",
@@ -142,6 +144,7 @@ __all__ = [
     "change_knobs",
     "deliver_edit",
     "deliver_job",
+    "deliver_strength",
     "design",
     "design_job",
     "design_options",

@@ -1,4 +1,4 @@
-"""The command line: `michell-cad design | edit | export | compare | knobs | faces | check | schema | plugin`.
+"""The command line: `michell-cad design | edit | export | strength | compare | knobs | faces | check | schema ...`.
 
 Only typer is imported here; CAD and solvers load inside the commands that need them, so that help comes at once.
 """
@@ -129,6 +129,23 @@ def export(
         export_design(design_file, files, options, force, progress, console.print)
     for file in files:
         console.print(f"{file}: {_megabytes(file.stat().st_size)}")
+
+
+@app.command()
+def strength(
+    design: Annotated[Path, typer.Argument(metavar="DESIGN", help="design.npz, or the folder that holds it.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; must not exist yet.")],
+    solid: Annotated[bool, typer.Option("--solid", help="Check the solid by quadratic tets, too; minutes.")] = False,
+    size: Annotated[float | None, typer.Option(metavar="MM", help="Size of the tets; default: from members.")] = None,
+    force: Force = False,
+) -> None:
+    """Stresses of a finished design in a picture and figures, and decks for CalculiX and Abaqus."""
+    from michell_cad.delivery_strength import deliver_strength
+
+    console = _console()
+    with _stage_bars(console) as progress:
+        report = deliver_strength(design, out, solid, size, force, progress)
+    _print_strength(console, report, out)
 
 
 @app.command()
@@ -264,6 +281,26 @@ def _stage_bars(console: "Console") -> Iterator[Callable[[str, float], None]]:
 
     with bars:
         yield progress
+
+
+def _print_strength(console: "Console", report: dict[str, Any], out: Path) -> None:
+    beams, solid = report["strength"], report["solid_check"]
+    console.print(
+        f"beams: peak {beams['peak_stress_mpa']:.4g} MPa on {beams['peak_stress']['curve']}, yields at "
+        f"{beams['yield_factor']:.3g} of the loads; compliance {beams['compliance_nmm']:.4g} N mm",
+        markup=False,
+    )
+    if solid is not None:
+        console.print(
+            f"solid: {solid['tets']:,} quadratic tets; peak {solid['peak_stress_mpa']:.4g} MPa, "
+            f"{solid['solid_over_beam_peak']:.2f} of the beams'; yields at {solid['yield_factor']:.3g} of the loads; "
+            f"compliance {solid['compliance_nmm']:.4g} N mm (beams over solid "
+            f"{solid['beam_over_solid_compliance']:.3f})",
+            markup=False,
+        )
+    for note in report["notes"]:
+        console.print(f"note: {note}", markup=False)
+    console.print(f"results: {out}", markup=False, highlight=False)
 
 
 def _print_summary(console: "Console", report: dict[str, Any], out: Path) -> None:

@@ -255,7 +255,7 @@ def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str
     design = structure.design
     part = design.problem, design.stress_field, design.parametrization
     # Beams are round: for other profiles of that area this is their strength but for bending and buckling.
-    return strength_block(*part, solid.sized, solid.report.volume_mm3)
+    return strength_block(*part, solid.sized, solid.report.volume_mm3, solid.node_balls)
 
 
 def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:

@@ -64,7 +64,7 @@ class _PardisoFactor:
         upper = sp.csr_matrix(sp.triu(A, format="csr"))  # all that Pardiso takes of a symmetric matrix
         upper.sort_indices()
         self._n = upper.get_shape()[0]
-        self._values = upper.data.astype(np.float64)
+        self._values = np.asarray(upper.data, np.float64)
         self._rows, self._columns = (1 + array.astype(np.int32) for array in (upper.indptr, upper.indices))
         self._handle, self._settings = np.zeros(64, np.int64), np.zeros(64, np.int32)
         self._settings[_OWN_SETTINGS], self._settings[_ORDERING_METHOD] = 1, _NESTED_DISSECTION
@@ -113,8 +113,8 @@ class _PardisoFactor:
         if hasattr(self, "ordering"):
             try:
                 self._call(_RELEASE, np.zeros(1), np.zeros(1), 1)
-            except (ConvergenceError, TypeError, AttributeError):  # at shutdown the library may be gone already
-                return
+            except (ConvergenceError, TypeError, AttributeError, ImportError):
+                return  # at shutdown the library may be gone already
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:

@@ -52,6 +52,7 @@ OUTSIDE = (
     "delivery",
     "delivery_edit",
     "delivery_export",
+    "delivery_strength",
     "domain",
     "edits",
     "job",

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze
 from michell_cad.cad.assembly import AssemblyPart
@@ -44,6 +44,11 @@ class BuiltSolid(ABC):
     @abstractmethod
     def sized(self) -> SizedTruss:
         """The truss as built."""
+
+    @property
+    @abstractmethod
+    def node_balls(self) -> Float[np.ndarray, " n_n"]:
+        """Radii of the balls of the nodes, mm, within which members are as thick as these; 0 where there are none."""
 
     @property
     @abstractmethod

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float
 
 from michell_cad.arrays import require
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
@@ -53,6 +54,11 @@ class TrussSolid(BuiltSolid):
     def sized(self) -> SizedTruss:
         """The truss as built."""
         return self.prepared.sized
+
+    @property
+    def node_balls(self) -> Float[np.ndarray, " n_n"]:
+        """Radii of the spheres."""
+        return np.asarray(self.prepared.sizes.radius)
 
     @property
     def kept_names(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -54,6 +55,11 @@ class SweptSolid(BuiltSolid):
     def sized(self) -> SizedTruss:
         """The truss with its radii."""
         return self.built
+
+    @property
+    def node_balls(self) -> Float[np.ndarray, " n_n"]:
+        """None: what nodes add to the stiffness of swept members is left out."""
+        return np.zeros(len(self.built.truss.nodes))
 
     @property
     def kept_names(self) -> tuple[str, ...]:

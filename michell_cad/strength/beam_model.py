@@ -3,6 +3,9 @@
 An element of a beam is known by its sections at the points of a Gauss-Lobatto rule along its centre line. They serve
 twice: its flexibility is an integral over them (see `beam_solver`), and as they include both ends they are also where
 forces and stresses are looked at (see `beam_solution`).
+
+The centre lines alone are softer than the solid, whose nodes are balls thicker than the members: by a quarter in
+compliance where members are ten radii long. Given the balls' radii, members are as thick as the balls within them.
 """
 
 from dataclasses import dataclass
@@ -24,6 +27,12 @@ TAPERED_SECTIONS = 21
 """Sections of a curved or tapered element. The integrand of a taper holds 1 / r^4 with the quartic r of
 `member_radius`: this rule errs by 3e-11 where the radius doubles towards the middle, by 2e-8 where it halves."""
 
+JOINT_SECTIONS = 9
+"""Further sections at either end within the ball of a node; the rule errs by 1e-6 for balls of 1.8 member radii."""
+
+LARGEST_JOINTS = 0.98
+"""Balls at the two ends take at most this share of a member's length; larger ones are cut in proportion."""
+
 END_TOLERANCE = 1e-9
 """Largest distance between the end of a centre line and its node (relative to the size of the truss)."""
 
@@ -42,6 +51,7 @@ class BeamModel:
         second.
     points : (n_e, k, 3) float, mm, centres of the sections; the first and the last are the two nodes.
     tangents : (n_e, k, 3) float, unit vectors normal to the sections, towards the second node.
+    stations : (n_e, k) float, where on its member each section is, as a fraction of the arc length.
     radii : (n_e, k) float, mm.
     weights : (n_e, k) float, mm, of the quadrature over the sections; they add up to the length of the element.
     shear_coefficient : dimensionless, the effective share kappa of the section in transverse shear; inf for beams that
@@ -55,13 +65,14 @@ class BeamModel:
     member_of_element: Int[np.ndarray, " n_e"]
     points: Float[np.ndarray, "n_e k 3"]
     tangents: Float[np.ndarray, "n_e k 3"]
+    stations: Float[np.ndarray, "n_e k"]
     radii: Float[np.ndarray, "n_e k"]
     weights: Float[np.ndarray, "n_e k"]
     shear_coefficient: float
 
     def __post_init__(self) -> None:
         freeze(self, nodes=np.float64, elements=np.int64, member_of_element=np.int64)
-        freeze(self, points=np.float64, tangents=np.float64, radii=np.float64, weights=np.float64)
+        freeze(self, points=np.float64, tangents=np.float64, stations=np.float64, radii=np.float64, weights=np.float64)
         require(len(self.elements), "a beam model needs at least one member")
         require(self.shear_coefficient > 0, f"shear_coefficient must be positive, found {self.shear_coefficient}")
         require((self.radii > 0).all(), "the radii of a beam must be positive")
@@ -97,6 +108,7 @@ def build_beam_model(
     straight: bool = True,
     pieces: int = 1,
     shear_coefficient: float | None = None,
+    joints: Float[np.ndarray, " n_n"] | None = None,
 ) -> BeamModel:
     """Make beams of the members of a truss.
 
@@ -108,16 +120,27 @@ def build_beam_model(
     pieces : elements of each member, of equal length. One is exact for loads at nodes; more show what happens within
         members (vibration, buckling).
     shear_coefficient : default: `circle_shear_coefficient`.
+    joints : radius of the ball at each node, mm: members are as thick as the ball within it. Default: no balls.
+
+    Raises
+    ------
+    InvalidInputError
+        For joints of members of several pieces.
     """
     require(pieces >= 1, f"pieces must be at least 1, found {pieces}")
+    require(joints is None or pieces == 1, "joints belong to whole members: give pieces = 1")
     truss = sized.truss
     kappa = circle_shear_coefficient(material.poisson_ratio) if shear_coefficient is None else shear_coefficient
     prismatic = straight and bool((sized.radii == sized.radii[:, :1]).all())
-    abscissae, weights = lobatto_rule(PRISMATIC_SECTIONS if prismatic else TAPERED_SECTIONS)
-    s = (np.arange(pieces)[:, None] + abscissae) / pieces
+    rule = lobatto_rule(PRISMATIC_SECTIONS if prismatic else TAPERED_SECTIONS)
     splines = fit_splines(truss, straight)
-    n_m, shape = len(truss.members), (len(truss.members) * pieces, len(abscissae))
-    points = splines.positions(s.ravel()).reshape(n_m, pieces, -1, 3)
+    if joints is None:
+        s, shares = (np.broadcast_to(x, (len(truss.members), *x.shape)) for x in _equal_pieces(rule, pieces))
+        radii = member_radius(sized.radii[:, None, None], s)
+    else:
+        s, shares, radii = _joined_sections(rule, sized, splines.lengths, joints)
+    n_m, k = len(s), s.shape[-1]
+    points = splines.positions(s.reshape(n_m, -1)).reshape(n_m, pieces, k, 3)
     points[:, 0, 0], points[:, -1, -1] = truss.nodes[truss.members].transpose(1, 0, 2)
     points[:, 1:, 0] = points[:, :-1, -1]
     inner = len(truss.nodes) + np.arange(n_m * (pieces - 1)).reshape(n_m, -1)
@@ -128,12 +151,41 @@ def build_beam_model(
         nodes=np.concatenate([truss.nodes, points[:, 1:, 0].reshape(-1, 3)]),
         elements=np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2),
         member_of_element=np.repeat(np.arange(n_m), pieces),
-        points=points.reshape(*shape, 3),
-        tangents=splines.tangents(s.ravel()).reshape(*shape, 3),
-        radii=member_radius(sized.radii[:, None, None], s).reshape(shape),
-        weights=np.repeat(splines.lengths / pieces, pieces)[:, None] * weights,
+        points=points.reshape(-1, k, 3),
+        tangents=splines.tangents(s.reshape(n_m, -1)).reshape(-1, k, 3),
+        stations=s.reshape(-1, k),
+        radii=radii.reshape(-1, k),
+        weights=(splines.lengths[:, None, None] * shares).reshape(-1, k),
         shear_coefficient=float(kappa),
     )
+
+
+def _equal_pieces(rule: tuple[np.ndarray, np.ndarray], pieces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stations and shares of the length of the sections of a member of equal pieces, (pieces, k)."""
+    x, w = rule
+    return (np.arange(pieces)[:, None] + x) / pieces, np.broadcast_to(w / pieces, (pieces, len(w)))
+
+
+def _joined_sections(
+    rule: tuple[np.ndarray, np.ndarray], sized: SizedTruss, lengths: np.ndarray, joints: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Stations, shares of the length and radii of members within balls at their ends, (n_m, 1, k).
+
+    A ball of radius R hides a tube of radius r up to (R^2 - r^2)^(1/2) from its centre; at x its section has the radius
+    (R^2 - x^2)^(1/2).
+    """
+    R, r, L = joints[sized.truss.members], sized.radii[:, [0, 2]], lengths[:, None]
+    zones = np.sqrt(np.maximum(R**2 - r**2, 0)) / L
+    zones /= np.maximum(zones.sum(1, keepdims=True) / LARGEST_JOINTS, 1)
+    first, last = zones[:, :1], zones[:, 1:]
+    (x, w), (y, v) = rule, lobatto_rule(JOINT_SECTIONS)
+    s = np.concatenate([first * y, first + (1 - first - last) * x, 1 - last * y[::-1]], axis=1)
+    shares = np.concatenate([first * v, (1 - first - last) * w, last * v], axis=1)
+    radii = member_radius(sized.radii[:, None], s)
+    k = JOINT_SECTIONS
+    radii[:, :k] = np.maximum(radii[:, :k], np.sqrt(np.maximum(R[:, :1] ** 2 - (s[:, :k] * L) ** 2, 0)))
+    radii[:, -k:] = np.maximum(radii[:, -k:], np.sqrt(np.maximum(R[:, 1:] ** 2 - ((1 - s[:, -k:]) * L) ** 2, 0)))
+    return s[:, None], shares[:, None], radii[:, None]
 
 
 def lobatto_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:

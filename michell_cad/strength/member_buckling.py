@@ -15,18 +15,15 @@ at most a few per cent too high for the tapers that the knobs allow.
 import numpy as np
 from jaxtyping import Float
 
-from michell_cad.strength.beam_model import BeamModel, lobatto_rule
+from michell_cad.strength.beam_model import BeamModel
 from michell_cad.strength.beam_solution import BeamSolution
 
 
 def critical_forces(model: BeamModel) -> Float[np.ndarray, " n_m"]:
     """Compressive force at which each member buckles by itself, N."""
-    first, owner = model.first_elements, model.member_of_element
+    first = model.first_elements
     length = np.add.reduceat(model.lengths, first)
-    run = np.cumsum(model.lengths) - model.lengths
-    start = run - run[first][owner]
-    abscissae = lobatto_rule(model.radii.shape[1])[0]
-    s = (start[:, None] + model.lengths[:, None] * abscissae) / length[owner, None]
+    s = model.stations
     EI = model.material.youngs_modulus * np.pi * model.radii**4 / 4
 
     def summed(density: np.ndarray) -> np.ndarray:
@@ -39,9 +36,13 @@ def critical_forces(model: BeamModel) -> Float[np.ndarray, " n_m"]:
     return (np.pi / length) ** 2 * np.minimum(guided, pinned)
 
 
-def member_buckling_factors(solution: BeamSolution) -> Float[np.ndarray, "n_c n_m"]:
-    """Factor of the loads at which each member buckles; inf for members without compression."""
+def member_buckling_factors(solution: BeamSolution, columns: BeamModel | None = None) -> Float[np.ndarray, "n_c n_m"]:
+    """Factor of the loads at which each member buckles; inf for members without compression.
+
+    `columns` is the model of the members as columns; default: that of the solution. Members that are thick within the
+    balls of their nodes are stiffer columns, but the energy method is good for smooth changes only.
+    """
     compression = np.maximum(-solution.axial_force.min(2), 0)
     worst = np.maximum.reduceat(compression, solution.model.first_elements, axis=1)
     with np.errstate(divide="ignore"):
-        return critical_forces(solution.model) / worst
+        return critical_forces(columns or solution.model) / worst

@@ -25,7 +25,7 @@ from michell_cad.arrays import require
 from michell_cad.errors import ConvergenceError
 from michell_cad.knobs import LARGEST_RADIUS_RATIO
 from michell_cad.problem import Material
-from michell_cad.strength.beam_model import BeamModel, build_beam_model, lobatto_rule
+from michell_cad.strength.beam_model import BeamModel, build_beam_model
 from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.beam_solver import solve_beams
 from michell_cad.strength.loads import TrussLoading
@@ -196,8 +196,7 @@ def _at_volume(sized: SizedTruss, material: Material, volume: float, straight: b
 
 
 def _with_radii(model: BeamModel, radii: Float[np.ndarray, "n_m 3"]) -> BeamModel:
-    s = lobatto_rule(model.radii.shape[1])[0]
-    return replace(model, radii=member_radius(radii[model.member_of_element, None], s))
+    return replace(model, radii=member_radius(radii[model.member_of_element, None], model.stations))
 
 
 def _failure_index(solution: BeamSolution, buckling: bool) -> Float[np.ndarray, " n_m"]:

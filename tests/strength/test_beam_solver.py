@@ -72,6 +72,37 @@ def test_tapered_bar_by_integrals(pieces):
     np.testing.assert_allclose([u[0, 0], u[1, 2], u[2, 3]], [stretch, bend, twist], rtol=EXACT)
 
 
+def test_members_are_as_thick_as_the_balls_at_their_nodes():
+    """A cantilever between two balls, by integrals; and balls that overlap leave next to nothing of the member."""
+    balls = np.array([3.5, 5.0])
+    model = build_beam_model(bar(), STEEL, joints=balls)
+    u = solve_beams(model, loading(2, [0], *({1: np.eye(6)[d]} for d in (0, 2, 3)))).displacements[:, 1]
+
+    def integral(f) -> float:
+        hidden = np.sqrt(balls**2 - R**2)
+        parts = [
+            quad(lambda x: f(x, np.sqrt(balls[0] ** 2 - x**2)), 0, hidden[0]),
+            quad(lambda x: f(x, R), hidden[0], L - hidden[1]),
+            quad(lambda x: f(x, np.sqrt(balls[1] ** 2 - (L - x) ** 2)), L - hidden[1], L),
+        ]
+        return sum(part[0] for part in parts)
+
+    stretch = integral(lambda x, r: 1 / (E * np.pi * r**2))
+    bend = integral(lambda x, r: (L - x) ** 2 / (E * np.pi * r**4 / 4) + 1 / (KAPPA * G * np.pi * r**2))
+    twist = integral(lambda x, r: 1 / (G * np.pi * r**4 / 2))
+    np.testing.assert_allclose([u[0, 0], u[1, 2], u[2, 3]], [stretch, bend, twist], rtol=5e-5)
+    assert model.lengths == pytest.approx(L)
+    plain = solve_beams(build_beam_model(bar(), STEEL), loading(2, [0], {1: np.eye(6)[0]}))
+    no_balls = solve_beams(build_beam_model(bar(), STEEL, joints=np.zeros(2)), loading(2, [0], {1: np.eye(6)[0]}))
+    np.testing.assert_allclose(no_balls.displacements, plain.displacements, rtol=EXACT, atol=1e-18)
+    large = build_beam_model(bar(), STEEL, joints=np.array([60.0, 60.0]))
+    assert large.lengths == pytest.approx(L)
+    assert large.radii[:, :9].max() > 50
+    assert (large.radii >= R).all()
+    with pytest.raises(InvalidInputError, match="joints belong to whole members"):
+        build_beam_model(bar(), STEEL, pieces=2, joints=balls)
+
+
 def test_quarter_circle():
     """Clamped at angle 0, radial load H at angle pi/2: Castigliano with N = H sin, V = H cos, M = H R sin."""
     radius, H = 30.0, 11.0
@@ -81,7 +112,7 @@ def test_quarter_circle():
     tangents = np.stack([-np.sin(angle), np.cos(angle), 0 * s], axis=1)[None]
     truss = frame(points[0, [0, -1]], [(0, 1)]).truss
     model = BeamModel(
-        truss, STEEL, truss.nodes, truss.members, np.array([0]), points, tangents, np.full((1, 17), R),
+        truss, STEEL, truss.nodes, truss.members, np.array([0]), points, tangents, s[None], np.full((1, 17), R),
         w[None] * radius * np.pi / 2, KAPPA,
     )  # fmt: skip
     solution = solve_beams(model, loading(2, [0], {1: (0, H, 0, 0, 0, 0)}))

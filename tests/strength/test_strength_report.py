@@ -51,6 +51,15 @@ def test_twice_the_load_halves_the_factors_and_a_volume_sets_the_mass():
     assert other.mass_g == pytest.approx(1.04)
 
 
+def test_balls_at_the_nodes_stiffen_members_and_leave_their_buckling():
+    strut = frame([[0, 20, 20], [80, 20, 20], [0, 20, 0]], [(0, 1), (1, 2)], R)
+    plain, _ = measure_strength(PROBLEM, FIELD, GRID, strut)
+    balls, _ = measure_strength(PROBLEM, FIELD, GRID, strut, joints=np.full(3, 1.8 * R))
+    assert 0.8 * plain.compliance_nmm < balls.compliance_nmm < 0.98 * plain.compliance_nmm
+    assert balls.buckling_factor == pytest.approx(plain.buckling_factor, rel=0.02)
+    assert balls.mass_g == pytest.approx(plain.mass_g)
+
+
 def test_a_loose_part_is_left_out_and_named():
     loose = frame([*ARM, [40, 5, 5], [50, 5, 5]], [(0, 1), (2, 3)], R)
     report, notes = measure_strength(PROBLEM, FIELD, GRID, loose)
