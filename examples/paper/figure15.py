@@ -63,7 +63,7 @@ def main() -> None:
         volume = arguments.volume_fraction * float(problem.mesh.volumes.sum())
         r = float(np.sqrt(volume / (np.pi * truss.lengths.sum())))
         solid = build_solid(mc.SizedTruss(truss, np.full((len(truss.members), 3), r)), mc.Knobs(radius=r))
-        sized, joints = solid.prepared.sized, np.asarray(solid.prepared.sizes.radius)
+        sized, joints = solid.sized, solid.node_balls
         loading = carry_over_loads(problem, sized.truss)
         thin, beams = (
             solve_beams(build_beam_model(sized, problem.material, straight=False, joints=balls), loading)
