@@ -1,9 +1,29 @@
-"""Fixtures for all tests."""
+"""Fixtures for all tests; the run ends with the hosts that were really exercised."""
 
 import os
 from pathlib import Path
 
 import pytest
+from hosts import EXERCISED, HOSTS
+
+
+def pytest_sessionfinish(session):
+    """A worker of pytest-xdist tells the run as a whole which hosts its tests have run."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["hosts"] = EXERCISED
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """Hear from a worker that has finished (or died, and tells nothing)."""
+    EXERCISED.update(getattr(node, "workeroutput", {}).get("hosts", {}))
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say which hosts the tests have run."""
+    terminalreporter.write_line("hosts really exercised:")
+    for host in HOSTS:
+        terminalreporter.write_line(f"  {host:26s}{f'yes {EXERCISED[host]}' if host in EXERCISED else 'NO'}".rstrip())
 
 
 @pytest.fixture(scope="session", autouse=True)
