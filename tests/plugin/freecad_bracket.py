@@ -8,6 +8,7 @@ import FreeCAD as App
 import Part
 from freecad_steps import FOLDER, describe, state, turn
 from michell_workbench import headless
+from michell_workbench.knob_properties import AS_DESIGNED
 
 BOLT, EYE = 4.5, 8.0
 """Radii of the holes that are picked, mm."""
@@ -107,7 +108,9 @@ def turn_the_rest(truss):
         if name in named:
             continue
         changes[name] = (
-            row["choices"][-1] if "choices" in row else row["value"] + (row["bounds"][1] - row["value"]) / 20
+            [c for c in row["choices"] if c != AS_DESIGNED][-1]
+            if "choices" in row
+            else row["value"] + (row["bounds"][1] - row["value"]) / 20
         )
     return changes
 

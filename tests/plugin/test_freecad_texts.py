@@ -14,6 +14,7 @@ NO_TEXTS = (
     "python3 -m venv",  # what is typed
     r"\(\*\.",  # kinds of files
     " N mm, ",  # units
+    "^as designed$",  # a value of a property, which documents save
     r" 0: not set\.|: as ",  # parts of tooltips, which are translated as wholes
 )
 """What has a space and is no text for the eye, as patterns."""
