@@ -25,6 +25,7 @@ from michell_cad.cad.solid_report import SolidReport
 from michell_cad.cad.swept_solid import SweptSolid, build_swept
 from michell_cad.errors import GeometryKernelError
 from michell_cad.knobs import Knobs
+from michell_cad.linear_solver import free_memory
 from michell_cad.truss import SizedTruss
 
 LARGEST_VOLUME_DIFFERENCE = 2e-3
@@ -32,6 +33,9 @@ LARGEST_VOLUME_DIFFERENCE = 2e-3
 
 KERNEL_TRIES = 10
 """Times that a solid is built; nodes that the kernel finds faulty are laid out in another way each time."""
+
+MEMBER_BYTES = 250_000
+"""Memory that a member takes at most, until its solid is written (10,000 curved, tapered members take 2.5 GB)."""
 
 NAMED = 5
 """Crossing pairs that a message names."""
@@ -94,9 +98,12 @@ def build_solid(
 
     Raises
     ------
-    InvalidInputError, GeometryKernelError
-        See there.
+    InvalidInputError
+        If the memory that is free is too small for so many members; and as these.
+    GeometryKernelError
+        As these.
     """
+    _require_memory(len(sized.truss.members))
     return build_swept(sized, knobs, progress) if knobs.swept else build_round_solid(sized, knobs, progress)
 
 
@@ -148,6 +155,17 @@ def build_round_solid(
     tell(1.0)
     role, owner, component = plan.faces.role, plan.faces.owner, plan.faces.component
     return TrussSolid(mesh, report, role, owner, component, tuple(solids), tuple(faces), prepared)
+
+
+def _require_memory(members: int) -> None:
+    needed, free = MEMBER_BYTES * members, free_memory()
+    # Keeping every k-th curve of all families leaves a k^3-th of the nodes.
+    every = max(2, int(np.ceil((needed / max(free, 1)) ** (1 / 3))))
+    require(
+        needed <= free,
+        f"the solid of {members} members would take about {needed / 1e9:.1f} GB of memory, {free / 1e9:.1f} GB are "
+        f"free: set every = {every}, choose fewer families or a smaller resolution, or close other programs",
+    )
 
 
 def _rising(progress: Callable[[float], None] | None) -> Callable[[float], None]:

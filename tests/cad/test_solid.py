@@ -234,6 +234,15 @@ def test_gates_trip(monkeypatch, name, broken, message) -> None:
         build_solid(star(AXES[:2]), Knobs())
 
 
+def test_more_members_than_memory_are_refused_before_any_work(monkeypatch) -> None:
+    truss = sized(grid_truss((3, 3, 2)), 0.8)
+    n = len(truss.truss.members)
+    monkeypatch.setattr("michell_cad.cad.solid.free_memory", lambda: 20 * n * 1000)
+    monkeypatch.setattr("michell_cad.cad.solid.prepare_truss", None)
+    with pytest.raises(InvalidInputError, match=rf"of {n} members would take about .* set every = 3"):
+        build_solid(truss, Knobs())
+
+
 @pytest.mark.parametrize("times", [1, 2, 3, 5])
 def test_nodes_that_the_kernel_finds_faulty_are_laid_out_in_another_way(monkeypatch, times) -> None:
     """Larger spheres first, then other directions and smaller fillets as well, straight members at last."""
