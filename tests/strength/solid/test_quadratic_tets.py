@@ -116,7 +116,7 @@ def test_nafems_le10():
     """Thick plate under pressure (NAFEMS, The Standard NAFEMS Benchmarks, 1990, LE10): sigma_yy = -5.38 MPa at D.
 
     Two tets meet there. Their mean on coarser and finer meshes of even and graded cells lies on both sides of it: -5.26
-    and -5.50 with 12 x 20 x 8 cells, -5.33 and -5.46 with 24 x 36 x 12.
+    and -5.54 with 12 x 20 x 8 cells, -5.33 and -5.46 with 24 x 36 x 12.
     """
     cells = (8, 12, 6)
     mesh, (out, a, z) = block(cells, thick_plate), block(cells).nodes.T
