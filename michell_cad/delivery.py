@@ -37,7 +37,7 @@ from michell_cad.edits import (
 )
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_folder
-from michell_cad.job import Setup, build_problem, read_job
+from michell_cad.job import Setup, build_problem, read_job, require_faces
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
 from michell_cad.palette import group_colour
@@ -124,9 +124,10 @@ def design_outline(
         As `deliver_job`.
     """
     cache, times = cache or StageCache.usual(), [] if times is None else times
+    require_faces(setup, outline)
+    kept = kept_materials(setup, outline)
     with _timed("mesh", times, progress):
         part = _mesh_part(outline, setup, cache)
-    kept = kept_materials(setup, part)
     result = design(build_problem(setup, part), design_options(setup), progress, cache)
     times.extend(result.times)
     return replace(NO_EDITS.replay(result, setup.knobs), kept=kept, sizing=setup.sizing.options)

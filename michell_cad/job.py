@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from michell_cad.arrays import require
-from michell_cad.domain.outline import Part
+from michell_cad.domain.outline import Outline, Part
 from michell_cad.errors import InvalidInputError
 from michell_cad.job_values import STRICT, Number, Positive, Switch
 from michell_cad.knobs import Knobs
@@ -424,6 +424,23 @@ def build_problem(job: Setup, part: Part) -> DesignProblem:
     return DesignProblem(part.mesh, material, _held(job, part), cases, job.cases.combination)
 
 
+def require_faces(job: Setup, outline: Outline) -> None:
+    """Refuse an unknown material and faces that a part does not have, before time is spent on its mesh.
+
+    Other regions (boxes, spheres, planes) can only be resolved among the triangles of the mesh.
+
+    Raises
+    ------
+    InvalidInputError
+        As `build_problem`.
+    """
+    choose_material(job.material)
+    for kind, regions in (("support", job.support), ("load", job.load)):
+        for number, region in enumerate(regions, 1):
+            if region.faces is not None:
+                _region(outline, region, f"[[{kind}]] {number}")
+
+
 def _held(job: Setup, part: Part) -> np.ndarray:
     mesh = part.mesh
     if not job.support:
@@ -471,7 +488,7 @@ def _nodal_force(part: Part, load: Load, density: float, place: str) -> np.ndarr
     return surface_torque(mesh, triangles, load.torque.moment, point, np.array(load.torque.axis))
 
 
-def _region(part: Part, region: Region, place: str) -> np.ndarray:
+def _region(part: Part | Outline, region: Region, place: str) -> np.ndarray:
     try:
         return select_triangles(part, region)
     except InvalidInputError as error:
