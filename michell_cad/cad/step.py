@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 from michell_cad.arrays import require
 from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.step_forecast import forecast_bytes
+from michell_cad.cad.step_forecast import forecast_bytes, forecast_kernel_bytes
 from michell_cad.cad.step_text import AP214, AP242, Schema, StepText, Tag
 from michell_cad.cad.swept_solid import SweptSolid
 from michell_cad.files import path_with_suffix, writing
@@ -47,7 +47,7 @@ def export_step(
     path : ends in .step or .stp.
     form : one of `FORMS`, see the module; default: the solid, or the assembly where there is no other form.
     schema : one of `SCHEMAS`.
-    pcurves : also write the edges in the parameters of their faces; the file becomes larger by half and no better.
+    pcurves : also write the edges in the parameters of their faces; the file becomes three times as large and no better.
     progress : told the fraction of the work done.
 
     Raises
@@ -74,8 +74,7 @@ def export_step(
 
 
 def forecast_step(solid: BuiltSolid, form: str | None = None, pcurves: bool = False) -> int:
-    """Size in bytes that `export_step` will write: without the header where `step_text` writes, by the estimate of
-    `step_forecast` where the kernel does.
+    """Size in bytes that `export_step` will write, see `step_forecast` for its accuracy.
 
     Raises
     ------
@@ -83,8 +82,9 @@ def forecast_step(solid: BuiltSolid, form: str | None = None, pcurves: bool = Fa
         As for `export_step`.
     """
     form = _known_form(solid, form)
-    text = _own_text(solid, form, pcurves, AP214, lambda fraction: None)
-    return _forecast_kernel(solid, form, pcurves) if text is None else text.size
+    if form == "assembly" or pcurves:
+        return _forecast_kernel(solid, form, pcurves)
+    return forecast_bytes(solid.solids, [tag.name for tag in _face_tags(solid)])
 
 
 def read_step_summary(path: str | Path) -> "StepSummary":
@@ -116,8 +116,8 @@ def _write_by_kernel(solid: BuiltSolid, path: Path, name: str, form: str, pcurve
 def _forecast_kernel(solid: BuiltSolid, form: str, pcurves: bool) -> int:
     if form == "assembly":
         parts = solid.assembly
-        return forecast_bytes([part.solid for part in parts], [part.name for part in parts], True, pcurves)
-    return forecast_bytes(solid.solids, [tag.name for tag in _face_tags(solid)], False, pcurves)
+        return forecast_kernel_bytes([part.solid for part in parts], [part.name for part in parts], True, pcurves)
+    return forecast_kernel_bytes(solid.solids, [tag.name for tag in _face_tags(solid)], False, pcurves)
 
 
 def _solid_names(solid: BuiltSolid) -> list[str]:
