@@ -22,7 +22,7 @@ from michell_cad.cad import (
     forecast_step,
     keep_material,
 )
-from michell_cad.design_file import save_design
+from michell_cad.design_file import DESIGN_FILE, save_design
 from michell_cad.domain import Outline, Part, mesh_outline, read_outline
 from michell_cad.edits import (
     NO_EDITS,
@@ -55,7 +55,7 @@ from michell_cad.truss_json import write_truss_json
 SOLID_STEM = "truss"
 """Files of the solid have this name and the extension of their format."""
 
-LAYOUT_FILE, DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "design.npz", "preview.png", "report.json"
+LAYOUT_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "preview.png", "report.json"
 EDITS_FILE, SHEETS_FILE, ATTACHMENTS_FILE = "edits.toml", "sheets.step", "attachments.step"
 SHEET_COLOUR = (0.5, 0.7, 0.5)
 

@@ -141,7 +141,7 @@ class Label(_OfCurves):
 
     def __post_init__(self) -> None:
         require(
-            self.coordinate in (0, 1, 2) or self.coordinate in FAMILIES[:3],
+            not isinstance(self.coordinate, bool) and self.coordinate in (0, 1, 2, *FAMILIES[:3]),
             f"coordinate must be 0, 1, 2 or a family that runs along it, found {self.coordinate!r}",
         )
         require(self.low <= self.high, f"label range must ascend, found {self.low} to {self.high}")

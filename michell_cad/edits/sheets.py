@@ -76,19 +76,21 @@ class AddSheet(Edit):
             raise ValueError(f"coordinate must be 0, 1, 2 or a family, found {self.coordinate}")
         return self
 
-    @property
-    def values(self) -> list[float]:
-        """The values of the coordinate that get a sheet."""
+    def values_in(self, phi: Float[np.ndarray, " n_v"]) -> list[float]:
+        """The values that get a sheet where the coordinate is phi: those through the part."""
         if self.low == self.high:
-            return [self.low]
-        whole = range(int(np.ceil(self.low)), int(np.floor(self.high)) + 1)
-        return [float(value) for value in whole if value % self.every == 0]
+            values = [self.low]
+        else:
+            low, high = max(self.low, float(phi.min())), min(self.high, float(phi.max()))
+            whole = range(int(np.ceil(low)), int(np.floor(high)) + 1)
+            values = [float(value) for value in whole if value % self.every == 0]
+        return [value for value in values if phi.min() < value < phi.max()]
 
     def apply(self, structure: Structure) -> Structure:
         fields = structure.fields
         phi = fields.levels[:, fields.axis(self.coordinate)]
         require(
-            any(phi.min() < value < phi.max() for value in self.values),
+            self.values_in(phi),
             f"edit 'sheet': no isosurface of coordinate {self.coordinate} between {self.low:g} and {self.high:g}; "
             f"it runs from {phi.min():.2f} to {phi.max():.2f} in this part",
         )
@@ -105,9 +107,8 @@ def build_sheets(structure: Structure) -> list[PlateMesh]:
     plates = []
     for edit in structure.of_kind(AddSheet):
         phi = fields.levels[:, fields.axis(edit.coordinate)]
-        for value in edit.values:
-            if phi.min() < value < phi.max():
-                plates += build_plates(fields.mesh, phi, value, edit.thickness)
+        for value in edit.values_in(phi):
+            plates += build_plates(fields.mesh, phi, value, edit.thickness)
     return plates
 
 

@@ -78,3 +78,5 @@ def test_what_cannot_be_attached_is_said(tmp_path):
         place_copies(edit.part, frames)
     with pytest.raises(InvalidInputError, match="up must not be the zero vector"):
         EditList((Attach(part="x.step", spacing=5.0, up=(0.0, 0.0, 0.0)),)).replay(BAR, Knobs())
+    with pytest.raises(InvalidInputError, match=r"copies, more than 20000; use a larger spacing"):
+        EditList((Attach(part="x.step", spacing=1e-4),)).replay(BAR, Knobs())

@@ -123,6 +123,8 @@ def test_a_strut_joins_two_nodes_straight():
     through = AddCurve(through=(near[0], tuple(((nodes[a] + nodes[b]) / 2 + 2).tolist()), near[1]), reach=1.0)
     with pytest.raises(InvalidInputError, match=r"joins the nodes .* already"):
         edited(AddStrut(between=(near[0], near[1])), AddCurve(through=(near[0], near[1])))
+    with pytest.raises(InvalidInputError, match=r"edit 'add strut': no node .* move the point, or raise reach$"):
+        edited(AddStrut(between=(near[0], (500.0, 0.0, 0.0))))
     bent = edited(through).truss
     assert len(np.asarray(bent.waypoints)) == len(np.asarray(BAR.truss.waypoints)) + 1
 

@@ -49,7 +49,7 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
     plates = build_sheets(EditList((edit,)).replay(BAR, Knobs()))
     assert len(plates) >= 2
     phi = FIELDS.levels[:, FIELDS.axis("compression")]
-    for plate, value in zip(plates, edit.values, strict=True):
+    for plate, value in zip(plates, edit.values_in(phi), strict=True):
         assert plate.open_edges == 0
         points, triangles = trace_isosurface(FIELDS.mesh, phi, value)
         away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(plate.vertices, points, triangles)[0]))
@@ -73,6 +73,13 @@ def test_plates_are_solids_in_step(tmp_path):
     assert summary.valid
     assert summary.solids == len(plates)
     assert summary.volume_mm3 == pytest.approx(sum(plate.volume for plate in plates), rel=1e-5)
+
+
+def test_a_wide_range_of_values_costs_no_more_than_those_in_the_part():
+    wide = AddSheet(coordinate=0, low=-1e15, high=1e15, thickness=0.5)
+    assert wide.values_in(np.array([0.4, 2.0, 3.1])) == [1.0, 2.0, 3.0]
+    assert wide.values_in(np.array([0.0, 2.0])) == [1.0]  # at an extreme there is a point only
+    assert AddSheet(coordinate=0, low=1, high=9, every=2, thickness=0.5).values_in(np.array([0.4, 4.1])) == [2.0, 4.0]
 
 
 @pytest.mark.parametrize(
