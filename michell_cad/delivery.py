@@ -251,7 +251,7 @@ def _show_swept(solid: BuiltSolid) -> list[ShownMesh]:
 
 
 def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str, Any] | None, list[str]]:
-    if structure.others:
+    if structure.joined:
         return None, ["the strength of joined trusses is not computed: the loads are known of one part only"]
     design = structure.design
     part = design.problem, design.stress_field, design.parametrization

@@ -68,7 +68,7 @@ def deliver_strength(
     require_place(folder, force)
     saved = load_saved(path)
     structure = saved.replay()
-    require(not structure.others, "the strength of joined trusses is not known: the loads are those of one part only")
+    require(not structure.joined, "the strength of joined trusses is not known: the loads are those of one part only")
     design = structure.design
     with writing_folder(folder) as partial:
         built = build_united(structure, size_finished(structure), progress)

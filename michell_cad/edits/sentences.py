@@ -23,6 +23,7 @@ from michell_cad.edits.selections import (
     Length,
     Near,
     NotOf,
+    Part,
     Selection,
     Where,
     as_point,
@@ -35,6 +36,9 @@ _SENTENCES: dict[str, Callable[[Any, dict[str, Any]], Selection]] = {
         _coordinate(_given(more, "coordinate", "label")), *(_whole(end, "label") for end in _pair(value, "label"))
     ),
     "every": lambda value, more: Every(_whole(value, "every"), _whole(more.pop("offset", 0), "offset")),
+    "part": lambda value, more: Part(
+        tuple(_whole(number, "part") for number in (value if isinstance(value, list) else [value]))
+    ),
     "length": lambda value, more: Length(*(_number(end, "length") for end in _one_or_two(value, "length"))),
     "where": lambda value, more: Where(_text(value, "where")),
     "box": lambda value, more: Box(*(as_point(corner, "a corner of the box") for corner in _pair(value, "box"))),
@@ -130,4 +134,4 @@ def _number(value: Any, key: str) -> int | float:
     require(
         isinstance(value, Real) and not isinstance(value, bool), f"selection: {key} must be a number, found {value!r}"
     )
-    return value
+    return value if isinstance(value, int) else float(value)

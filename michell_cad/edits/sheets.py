@@ -65,8 +65,10 @@ class AddSheet(Edit):
     )
     low: float = Field(description="First value; with an equal `high` the only one, whole or not.")
     high: float = Field(description="Last value; in between every whole value gets a sheet.")
-    every: int = Field(default=1, ge=1, description="Only the multiples of this.")
+    every: int = Field(default=1, ge=1, description="Only the values that plus `offset` are multiples of this.")
+    offset: int = Field(default=0, description="Shift of the values.")
     thickness: float = Field(gt=0, description="Thickness of the plates, mm.")
+    part: int = Field(default=0, ge=0, description="Of several joined parts: 0 is this design, 1 the first joined.")
 
     @model_validator(mode="after")
     def _ascending(self) -> "AddSheet":
@@ -83,11 +85,13 @@ class AddSheet(Edit):
         else:
             low, high = max(self.low, float(phi.min())), min(self.high, float(phi.max()))
             whole = range(int(np.ceil(low)), int(np.floor(high)) + 1)
-            values = [float(value) for value in whole if value % self.every == 0]
+            values = [float(value) for value in whole if (value + self.offset) % self.every == 0]
         return [value for value in values if phi.min() < value < phi.max()]
 
     def apply(self, structure: Structure) -> Structure:
-        fields = structure.fields
+        pieces = structure.pieces
+        require(self.part < len(pieces), f"edit 'sheet': there is no part {self.part}: the {len(pieces)} count from 0")
+        fields = pieces[self.part].fields
         phi = fields.levels[:, fields.axis(self.coordinate)]
         require(
             self.values_in(phi),
@@ -103,9 +107,9 @@ class AddSheet(Edit):
 
 def build_sheets(structure: Structure) -> list[PlateMesh]:
     """All plates of a structure, one for each connected piece of an isosurface."""
-    fields = structure.fields
     plates = []
     for edit in structure.of_kind(AddSheet):
+        fields = structure.pieces[edit.part].fields
         phi = fields.levels[:, fields.axis(edit.coordinate)]
         for value in edit.values_in(phi):
             plates += build_plates(fields.mesh, phi, value, edit.thickness)

@@ -80,6 +80,8 @@ def test_a_wide_range_of_values_costs_no_more_than_those_in_the_part():
     assert wide.values_in(np.array([0.4, 2.0, 3.1])) == [1.0, 2.0, 3.0]
     assert wide.values_in(np.array([0.0, 2.0])) == [1.0]  # at an extreme there is a point only
     assert AddSheet(coordinate=0, low=1, high=9, every=2, thickness=0.5).values_in(np.array([0.4, 4.1])) == [2.0, 4.0]
+    odd = AddSheet(coordinate=0, low=1, high=9, every=2, offset=1, thickness=0.5)
+    assert odd.values_in(np.array([0.4, 4.1])) == [1.0, 3.0]
 
 
 @pytest.mark.parametrize(
