@@ -23,6 +23,9 @@ from michell_cad.tet_mesh import TetMesh
 COARSEST = 0.02
 """Triangles are merged where that moves the plate by less (relative to its thickness)."""
 
+MOST_PASSES = 8
+"""Of merging triangles; two to six are enough."""
+
 GENERIC = 1e-3
 """A vertex of the mesh nearer to the value than this (in cells) counts as that far above it: an isosurface through
 vertices has triangles without area, and thus without a normal."""
@@ -129,7 +132,7 @@ def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, th
     part = _manifold(mesh.vertices, mesh.boundary_triangles)
     middles = points[triangles].mean(1)
     plates = []
-    for piece in (blank ^ part).simplify(COARSEST * thickness).decompose():
+    for piece in _simplified(blank ^ part, COARSEST * thickness).decompose():
         made = piece.to_mesh64()
         plate = PlateMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
         # Beyond its rim the blank can cut the part once more: such a piece holds nothing of the isosurface.
@@ -221,6 +224,20 @@ def _with_rim(points: np.ndarray, triangles: np.ndarray, width: float) -> tuple[
     c, d = len(points) + number.reshape(-1, 2).T
     flaps = np.concatenate([np.stack([b, a, c], 1), np.stack([b, c, d], 1)])
     return np.concatenate([points, points[ends] + width * away]), np.concatenate([triangles, flaps])
+
+
+def _simplified(made: Manifold, tolerance: float) -> Manifold:
+    """The mesh with fewer triangles, off by about a tolerance.
+
+    One pass leaves slivers among the edges that the boolean cut, thinner than the CAD kernel can tell apart: edges count
+    as fixed where they divide triangles of different origin, and collapsing some makes others short.
+    """
+    made, before = made.as_original(), 0
+    for _ in range(MOST_PASSES):
+        if made.num_tri() == before:
+            break
+        before, made = made.num_tri(), made.simplify(tolerance)
+    return made
 
 
 def _manifold(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:

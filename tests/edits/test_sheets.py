@@ -65,6 +65,16 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
         assert (high <= np.array([80, 40, 40]) + 1e-6).all()
 
 
+def test_no_triangle_of_a_plate_is_thinner_than_the_kernel_can_see():
+    """A hundred times its 1e-7 mm; slivers of the boolean made plates that were no valid solids."""
+    edits = (AddSheet(coordinate=axis, low=0, high=9, thickness=0.8) for axis in (1, 2))
+    for plate in build_sheets(EditList(tuple(edits)).replay(BAR, Knobs())):
+        corners = plate.vertices[plate.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+        twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        assert (twice_area / longest).min() > 1e-5
+
+
 def test_plates_are_solids_in_step(tmp_path):
     edit = AddSheet(coordinate="third", low=3, high=3, thickness=0.8)
     plates = build_sheets(EditList((edit,)).replay(BAR, Knobs()))
