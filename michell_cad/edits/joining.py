@@ -1,8 +1,8 @@
 """Joining two trusses at the common face of their parts, so that their nodes meet there (Arora et al. 2019, Figure 17).
 
 The first truss keeps its net on the common face. Of the second one what runs in the face goes, and the nodes in which
-its other members end there move to nodes of the first, each to one of its own, so that the sum of the squared ways is
-least. What finds no node within reach is taken off.
+its other members end there move to nodes of the first, each to one of its own: those that meet already stay, and the
+sum of the squared ways of the others is least. What finds no node within reach is taken off.
 """
 
 from collections import Counter
@@ -11,7 +11,7 @@ from typing import Literal
 
 import igl
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
@@ -101,7 +101,10 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     across = np.asarray(~in_face[second.members].all(1))
     guests = np.intersect1d(np.flatnonzero(in_face), second.members[across])
     away = np.linalg.norm(second.nodes[guests, None] - first.nodes[hosts], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 2 * reach) ** 2)
+    cost = np.minimum(away, 2 * reach) ** 2
+    # Worth more than all others together: a sharp edge that goes on behind the face is not bent to spare others a way.
+    cost[_meeting(away, ON_FACE * spacing)] = -4 * reach**2 * len(guests)
+    rows, columns = linear_sum_assignment(cost)
     near = away[rows, columns] <= reach
     require(
         near.any(),
@@ -112,6 +115,12 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     partner[guests[rows[near]]] = hosts[columns[near]]
     left = without_loose(second, across, stays=(second.degrees <= 1) | (partner >= 0))
     return _unite(first, *_cut(second, left, partner))
+
+
+def _meeting(away: Float[np.ndarray, "g h"], distance: float) -> Bool[np.ndarray, "g h"]:
+    """Pairs that meet already: nearer than a distance, and each the nearest of the other."""
+    nearest = (away == away.min(1, keepdims=True)) & (away == away.min(0, keepdims=True))
+    return nearest & (away <= distance)
 
 
 def _overlap(part: TetMesh, other: TetMesh) -> float:

@@ -229,8 +229,8 @@ def _with_rim(points: np.ndarray, triangles: np.ndarray, width: float) -> tuple[
 def _simplified(made: Manifold, tolerance: float) -> Manifold:
     """The mesh with fewer triangles, off by about a tolerance.
 
-    One pass leaves slivers among the edges that the boolean cut, thinner than the CAD kernel can tell apart: edges count
-    as fixed where they divide triangles of different origin, and collapsing some makes others short.
+    One pass leaves slivers among the edges that the boolean cut, thinner than the CAD kernel can tell apart: edges
+    are fixed where they divide triangles of different origin, and collapsing some makes others short.
     """
     made, before = made.as_original(), 0
     for _ in range(MOST_PASSES):

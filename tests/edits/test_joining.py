@@ -51,6 +51,16 @@ def test_two_bars_become_one_component_whose_nodes_meet_in_the_common_face():
     assert len(set(names)) == len(names)
 
 
+def test_nodes_that_meet_already_stay_where_they_are():
+    """The sharp edges of both bars end in the corners of the common face, and go on through it unbent."""
+    truss = join_trusses(ONE.truss, ONE.problem.mesh, OTHER.truss, OTHER.problem.mesh)
+    for y, z in ((0, 0), (0, 40), (40, 0), (40, 40)):
+        (corner,) = np.flatnonzero(np.linalg.norm(truss.nodes - [80, y, z], axis=1) < 1e-6)
+        ends = truss.nodes[truss.members[(truss.members == corner).any(1)]]
+        along = np.linalg.norm(ends[:, :, 1:] - [y, z], axis=2).max(1) < 1e-6
+        assert sorted(ends[along].mean(1)[:, 0] > 80) == [False, True]
+
+
 def test_the_joined_truss_is_one_valid_solid(tmp_path):
     save_design(tmp_path / "other.npz", OTHER, Knobs(every=2))
     structure = EditList((Join(design=str(tmp_path / "other.npz")),)).replay(ONE, Knobs(every=2))
