@@ -205,7 +205,9 @@ def _located(value: Any, folder: Path) -> Any:
         return [_located(item, folder) for item in value]
     if isinstance(value, dict):
         return {
-            key: str(folder / item) if key in _PATH_KEYS and isinstance(item, str) else _located(item, folder)
+            key: str((folder / item).resolve())
+            if key in _PATH_KEYS and isinstance(item, str)
+            else _located(item, folder)
             for key, item in value.items()
         }
     return value
