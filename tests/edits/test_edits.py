@@ -259,6 +259,15 @@ def test_an_edited_truss_is_still_one_valid_solid():
     assert report.genus == report.expected_genus
 
 
+@pytest.mark.parametrize("times", [0.1, 0.01])
+def test_members_far_thinner_than_their_neighbours_have_a_mesh(times):
+    """Their tubes flare from the thick ends of merged nodes."""
+    structure = EditList((Radius(where=Family("tension"), times=times),)).replay(coarse_bar(), Knobs(radius=1.0))
+    report = build_solid(size_structure(structure), structure.knobs).report
+    assert report.valid
+    assert report.mesh_volume_mm3 == pytest.approx(report.volume_mm3, rel=1e-3)
+
+
 def test_the_stress_between_centroids_is_continuous_and_exact_where_it_is_constant():
     fields = Structure.of(BAR, Knobs()).fields
     centroids = fields.mesh.centroids
