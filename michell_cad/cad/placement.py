@@ -5,6 +5,7 @@ creases in special position are turned, spheres without room for their seam grow
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from michell_cad.cad.centerlines import SMOOTHINGS, Centerlines, smooth_curves
 from michell_cad.cad.layout import Layout, lower_levels, settle
@@ -12,6 +13,7 @@ from michell_cad.cad.mitres import Mitre, corner_angles, cut_mitre
 from michell_cad.cad.nodes import cap_angle
 from michell_cad.cad.spheres import Caps, place_seams
 from michell_cad.cad.tubes import Tubes, fit_tubes, pinched_tubes
+from michell_cad.truss import member_radius
 
 MAX_TRIES = 100
 """Tries to place all nodes of one truss; each try takes one level, one nudge or one growth at the nodes that failed."""
@@ -21,6 +23,9 @@ MOST_NUDGES = 4
 
 GROWTH, MOST_GROWTH = 1.12, 2.0
 """A sphere without room for its seam grows by this factor, at most to this multiple (relative)."""
+
+STATIONS = np.linspace(0, 1, 34)[1:-1]
+"""Where the radius along a member is looked at."""
 
 PHASES = np.linspace(0, 2 * np.pi, 25)[:-1]
 """Rotations of a member about itself that are tried to keep its seam away from the corners of its creases."""
@@ -66,11 +71,25 @@ def _fit_unfit(layout: Layout) -> set[int]:
     return set()
 
 
+def without_waist(radii: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Radii at start, middle and end, with a middle so thick that the tube is nowhere thinner than these three.
+
+    At a crease a thin member is as thick as its rival. On the way from there to its own radius `member_radius`
+    would fall below that by an eighth of the difference: more than there is, if the rival is ten times as thick.
+    """
+    r0, _, r2 = radii.T[..., None]
+    mean = (r0 + r2) / 2
+    base = member_radius(np.stack([r0, mean, r2], axis=-1), STATIONS)
+    bump = member_radius(np.array([0.0, 1.0, 0.0]), STATIONS)
+    needed = mean[:, 0] + ((radii.min(1)[:, None] - base) / bump).max(1)
+    return np.stack([radii[:, 0], np.maximum(radii[:, 1], needed), radii[:, 2]], axis=1)
+
+
 def _fit(layout: Layout, members: np.ndarray, phase: np.ndarray) -> Tubes:
     """Fit some tubes, and enter them."""
     sized = layout.sized
     ends = layout.sizes["end_radius"].reshape(-1, 2)[members]
-    radii = np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1)
+    radii = without_waist(np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1))
     lines = Centerlines(layout.points[members], layout.directions[members])
     reach = layout.sizes["reach"].reshape(-1, 2)[members]
     nodes = sized.truss.nodes[sized.truss.members[members]]

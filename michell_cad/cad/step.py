@@ -47,7 +47,7 @@ def export_step(
     path : ends in .step or .stp.
     form : one of `FORMS`, see the module; default: the solid, or the assembly where there is no other form.
     schema : one of `SCHEMAS`.
-    pcurves : also write the edges in the parameters of their faces; the file becomes three times as large and no better.
+    pcurves : also write the edges in the parameters of their faces; the file becomes three times as large.
     progress : told the fraction of the work done.
 
     Raises
