@@ -22,13 +22,13 @@ from michell_cad.cad import (
     forecast_step,
     keep_material,
 )
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.design_file import save_design
 from michell_cad.domain import Outline, Part, mesh_outline, read_outline
 from michell_cad.edits import (
     NO_EDITS,
     Attach,
     EditList,
-    PlateMesh,
     Structure,
     attachment_frames,
     build_sheets,
@@ -259,7 +259,9 @@ def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str
     return strength_block(*part, solid.sized, solid.report.volume_mm3, solid.node_balls)
 
 
-def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:
+def _write_extras(
+    folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[ClosedMesh]
+) -> dict[str, Any]:
     """Write what edits add to the truss (sheets, attachments); returns the report's blocks about it, and about tags."""
     report: dict[str, Any] = {}
     tags = tagged_members(structure, built.truss)

@@ -19,7 +19,7 @@ from michell_cad.edits.selections import (
     Where,
 )
 from michell_cad.edits.sentences import selection_from
-from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
+from michell_cad.edits.sheets import AddSheet, build_sheets
 from michell_cad.edits.sizing import Entasis, Radius, resize_structure, size_structure
 from michell_cad.edits.snapping import Snap
 from michell_cad.edits.structure import DesignFields, Edit, Structure
@@ -46,7 +46,6 @@ __all__ = [
     "Label",
     "Length",
     "Near",
-    "PlateMesh",
     "Radius",
     "Remove",
     "RemoveOpenEnds",
