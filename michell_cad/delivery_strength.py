@@ -24,7 +24,7 @@ from michell_cad.strength import (
 )
 from michell_cad.strength.beam_deck import write_beam_deck
 from michell_cad.strength.mechanism import leave_out_loose_parts
-from michell_cad.strength.solid import SolidCheck, SolidSolution, Surface, check_solid, write_solid_deck
+from michell_cad.strength.solid import SolidCheck, SolidSolution, check_solid, write_solid_deck
 from michell_cad.truss import SizedTruss, member_radius
 
 REPORT_FILE, PICTURE_FILE = "strength.json", "stress.png"
@@ -97,11 +97,6 @@ def deliver_strength(
     return report
 
 
-def surface_of(solid: BuiltSolid) -> Surface:
-    """The watertight mesh of a solid."""
-    return Surface(solid.mesh.vertices, solid.mesh.triangles)
-
-
 def _check(
     built: BuiltSolid,
     beams: BeamSolution,
@@ -110,7 +105,7 @@ def _check(
     size: float | None,
     progress: Progress,
 ) -> tuple[SolidCheck, SolidSolution]:
-    return check_solid(surface_of(built), beams, sized, loading, size, lambda f: progress("solid check", f))
+    return check_solid(built.mesh, beams, sized, loading, size, lambda f: progress("solid check", f))
 
 
 def _write_beam_decks(folder: Path, sized: SizedTruss, beams: BeamSolution, loading: TrussLoading) -> None:

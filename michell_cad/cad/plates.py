@@ -12,7 +12,8 @@ from cadquery.occ_impl.shapes import shell as sewn
 from cadquery.occ_impl.shapes import solid as solid_from
 from jaxtyping import Float, Int
 
-from michell_cad.edits import Frames, PlateMesh
+from michell_cad.closed_mesh import ClosedMesh
+from michell_cad.edits import Frames
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.files import writing
 
@@ -26,7 +27,7 @@ SEWING = 0.05
 """Corners nearer than this are one when faces are sewn (relative to the shortest edge)."""
 
 
-def solid_of_plate(plate: PlateMesh) -> bd.Solid:
+def solid_of_plate(plate: ClosedMesh) -> bd.Solid:
     """The polyhedron of a closed mesh as a solid.
 
     Raises

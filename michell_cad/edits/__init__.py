@@ -20,7 +20,7 @@ from michell_cad.edits.selections import (
     Where,
 )
 from michell_cad.edits.sentences import selection_from
-from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
+from michell_cad.edits.sheets import AddSheet, build_sheets
 from michell_cad.edits.sizing import Entasis, Radius, resize_structure, size_structure
 from michell_cad.edits.snapping import Snap
 from michell_cad.edits.structure import DesignFields, Edit, Structure
@@ -48,7 +48,6 @@ __all__ = [
     "Length",
     "Near",
     "Part",
-    "PlateMesh",
     "Radius",
     "Remove",
     "RemoveOpenEnds",

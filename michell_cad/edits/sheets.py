@@ -5,8 +5,6 @@ its middle. It is carried on a little beyond the part on all sides and then cut 
 boolean, so that its rim lies on the part.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import igl
@@ -15,7 +13,8 @@ from jaxtyping import Float, Int
 from manifold3d import Error, Manifold, Mesh64
 from pydantic import Field, model_validator
 
-from michell_cad.arrays import freeze, require
+from michell_cad.arrays import require
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.edits.structure import Edit, Structure
 from michell_cad.errors import GeometryKernelError
 from michell_cad.tet_mesh import TetMesh
@@ -32,31 +31,6 @@ vertices has triangles without area, and thus without a normal."""
 
 RIM = 1.5
 """The plate is carried on beyond the part by this multiple of its thickness before it is cut."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlateMesh:
-    """A closed triangle mesh: vertices (n, 3) in mm, triangles (t, 3) counter-clockwise seen from outside."""
-
-    vertices: Float[np.ndarray, "n 3"]
-    triangles: Int[np.ndarray, "t 3"]
-
-    def __post_init__(self) -> None:
-        freeze(self, vertices=np.float64, triangles=np.int64)
-
-    @cached_property
-    def volume(self) -> float:
-        """Enclosed volume, mm^3."""
-        a, b, c = (self.vertices - self.vertices.mean(0))[self.triangles].transpose(1, 0, 2)
-        return float(np.einsum("td,td->", a, np.cross(b, c)) / 6)
-
-    @cached_property
-    def open_edges(self) -> int:
-        """Number of directed edges without their opposite; 0 for a watertight mesh."""
-        t = self.triangles
-        edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-        n = len(self.vertices)
-        return len(np.setxor1d(edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]))
 
 
 class AddSheet(Edit):
@@ -108,7 +82,7 @@ class AddSheet(Edit):
         return structure.with_note(self)
 
 
-def build_sheets(structure: Structure) -> list[PlateMesh]:
+def build_sheets(structure: Structure) -> list[ClosedMesh]:
     """All plates of a structure, one for each connected piece of an isosurface."""
     plates = []
     for edit in structure.of_kind(AddSheet):
@@ -119,7 +93,7 @@ def build_sheets(structure: Structure) -> list[PlateMesh]:
     return plates
 
 
-def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, thickness: float) -> list[PlateMesh]:
+def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, thickness: float) -> list[ClosedMesh]:
     """Plates of a thickness (mm) around the pieces of the isosurface {phi = value}, trimmed by the part.
 
     Raises
@@ -134,12 +108,12 @@ def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, th
     plates = []
     for piece in _simplified(blank ^ part, COARSEST * thickness).decompose():
         made = piece.to_mesh64()
-        plate = PlateMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
+        plate = ClosedMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
         # Beyond its rim the blank can cut the part once more: such a piece holds nothing of the isosurface.
         inside = np.asarray(igl.fast_winding_number(plate.vertices, plate.triangles, middles)) > 0.5
         if inside.any():
             plates.append(plate)
-    if not plates or any(plate.open_edges or plate.volume <= 0 for plate in plates):
+    if not plates or any(not plate.is_watertight or plate.volume <= 0 for plate in plates):
         raise GeometryKernelError(f"the sheet at {value:g} does not come out closed; use a smaller thickness")
     return plates
 

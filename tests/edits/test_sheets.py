@@ -30,7 +30,7 @@ def test_the_isosurface_of_a_plane_has_its_area_and_its_normal():
 
 def test_a_flat_plate_is_a_slab_cut_by_the_part():
     (plate,) = build_plates(MESH, MESH.vertices @ [1.0, 0.0, 0.0], 3.3, 0.5)
-    assert plate.open_edges == 0
+    assert plate.is_watertight
     assert plate.volume == pytest.approx(0.5 * 24)
     np.testing.assert_allclose(plate.vertices.min(0), [3.05, 0, 0], atol=1e-9)
     np.testing.assert_allclose(plate.vertices.max(0), [3.55, 6, 4], atol=1e-9)
@@ -50,7 +50,7 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
     assert len(plates) >= 2
     phi = FIELDS.levels[:, FIELDS.axis("compression")]
     for plate, value in zip(plates, edit.values_in(phi), strict=True):
-        assert plate.open_edges == 0
+        assert plate.is_watertight
         points, triangles = trace_isosurface(FIELDS.mesh, phi, value)
         away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(plate.vertices, points, triangles)[0]))
         a, b, c = points[triangles].transpose(1, 0, 2)
