@@ -10,7 +10,7 @@ import numpy as np
 from michell_cad.arrays import require
 from michell_cad.building import Progress, build_united, size_finished
 from michell_cad.cad import BuiltSolid
-from michell_cad.delivery import DESIGN_FILE, require_place
+from michell_cad.delivery import require_place
 from michell_cad.design_file import load_saved
 from michell_cad.files import writing_folder
 from michell_cad.picture import StressedBalls, render_member_stress, render_solid_stress
@@ -66,9 +66,9 @@ def deliver_strength(
     path, folder = Path(design_file), Path(folder)
     require(solid or size is None, "--size is that of the tets of the solid: give --solid as well")
     require_place(folder, force)
-    saved = load_saved(path / DESIGN_FILE if path.is_dir() else path)
+    saved = load_saved(path)
     structure = saved.replay()
-    require(not structure.others, "the strength of joined trusses is not known: the loads are those of one part only")
+    require(not structure.joined, "the strength of joined trusses is not known: the loads are those of one part only")
     design = structure.design
     with writing_folder(folder) as partial:
         built = build_united(structure, size_finished(structure), progress)

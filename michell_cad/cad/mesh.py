@@ -23,6 +23,9 @@ SEGMENTS = 16
 
 FEWEST_SEGMENTS = 8
 
+MOST_LOWERED = 0.5
+"""Of the squared radius of a ring where a tube flares (relative)."""
+
 FILLET_BANDS = 3
 """Bands of triangles on a fillet."""
 
@@ -105,12 +108,14 @@ def _tube_rings(p: PreparedTruss, members: np.ndarray, count: int, angles: np.nd
 
     The frusta between rings would lose volume where a tube bulges: the squared radius g of a ring is raised by
     (2 g - g_before - g_after) / 12, which makes the trapezoidal rule that the frusta stand for as exact as Simpson's.
+    Where a tube flares so steeply that little or nothing would be left of g, it is lowered by `MOST_LOWERED` only.
     """
     t = np.linspace(0, 1, count + 2)
     tubes = p.tubes.some(members)
     spine = tubes.spine_points(t[1:-1])[:, :, None]
     square = tubes.radii_at(t) ** 2
-    grown = np.sqrt(1 + (2 * square[:, 1:-1] - square[:, :-2] - square[:, 2:]) / (12 * square[:, 1:-1]))
+    raised = (2 * square[:, 1:-1] - square[:, :-2] - square[:, 2:]) / (12 * square[:, 1:-1])
+    grown = np.sqrt(1 + np.maximum(raised, -MOST_LOWERED))
     return spine + (area * grown)[..., None, None] * (tubes.surface_points(angles, t[1:-1]) - spine)
 
 

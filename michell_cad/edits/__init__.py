@@ -15,6 +15,7 @@ from michell_cad.edits.selections import (
     Label,
     Length,
     Near,
+    Part,
     Selection,
     Where,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "Label",
     "Length",
     "Near",
+    "Part",
     "Radius",
     "Remove",
     "RemoveOpenEnds",

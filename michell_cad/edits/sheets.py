@@ -22,6 +22,9 @@ from michell_cad.tet_mesh import TetMesh
 COARSEST = 0.02
 """Triangles are merged where that moves the plate by less (relative to its thickness)."""
 
+MOST_PASSES = 8
+"""Of merging triangles; two to six are enough."""
+
 GENERIC = 1e-3
 """A vertex of the mesh nearer to the value than this (in cells) counts as that far above it: an isosurface through
 vertices has triangles without area, and thus without a normal."""
@@ -39,8 +42,10 @@ class AddSheet(Edit):
     )
     low: float = Field(description="First value; with an equal `high` the only one, whole or not.")
     high: float = Field(description="Last value; in between every whole value gets a sheet.")
-    every: int = Field(default=1, ge=1, description="Only the multiples of this.")
+    every: int = Field(default=1, ge=1, description="Only the values that plus `offset` are multiples of this.")
+    offset: int = Field(default=0, description="Shift of the values.")
     thickness: float = Field(gt=0, description="Thickness of the plates, mm.")
+    part: int = Field(default=0, ge=0, description="Of several joined parts: 0 is this design, 1 the first joined.")
 
     @model_validator(mode="after")
     def _ascending(self) -> "AddSheet":
@@ -50,19 +55,23 @@ class AddSheet(Edit):
             raise ValueError(f"coordinate must be 0, 1, 2 or a family, found {self.coordinate}")
         return self
 
-    @property
-    def values(self) -> list[float]:
-        """The values of the coordinate that get a sheet."""
+    def values_in(self, phi: Float[np.ndarray, " n_v"]) -> list[float]:
+        """The values that get a sheet where the coordinate is phi: those through the part."""
         if self.low == self.high:
-            return [self.low]
-        whole = range(int(np.ceil(self.low)), int(np.floor(self.high)) + 1)
-        return [float(value) for value in whole if value % self.every == 0]
+            values = [self.low]
+        else:
+            low, high = max(self.low, float(phi.min())), min(self.high, float(phi.max()))
+            whole = range(int(np.ceil(low)), int(np.floor(high)) + 1)
+            values = [float(value) for value in whole if (value + self.offset) % self.every == 0]
+        return [value for value in values if phi.min() < value < phi.max()]
 
     def apply(self, structure: Structure) -> Structure:
-        fields = structure.fields
+        pieces = structure.pieces
+        require(self.part < len(pieces), f"edit 'sheet': there is no part {self.part}: the {len(pieces)} count from 0")
+        fields = pieces[self.part].fields
         phi = fields.levels[:, fields.axis(self.coordinate)]
         require(
-            any(phi.min() < value < phi.max() for value in self.values),
+            self.values_in(phi),
             f"edit 'sheet': no isosurface of coordinate {self.coordinate} between {self.low:g} and {self.high:g}; "
             f"it runs from {phi.min():.2f} to {phi.max():.2f} in this part",
         )
@@ -75,13 +84,12 @@ class AddSheet(Edit):
 
 def build_sheets(structure: Structure) -> list[ClosedMesh]:
     """All plates of a structure, one for each connected piece of an isosurface."""
-    fields = structure.fields
     plates = []
     for edit in structure.of_kind(AddSheet):
+        fields = structure.pieces[edit.part].fields
         phi = fields.levels[:, fields.axis(edit.coordinate)]
-        for value in edit.values:
-            if phi.min() < value < phi.max():
-                plates += build_plates(fields.mesh, phi, value, edit.thickness)
+        for value in edit.values_in(phi):
+            plates += build_plates(fields.mesh, phi, value, edit.thickness)
     return plates
 
 
@@ -98,7 +106,7 @@ def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, th
     part = _manifold(mesh.vertices, mesh.boundary_triangles)
     middles = points[triangles].mean(1)
     plates = []
-    for piece in (blank ^ part).simplify(COARSEST * thickness).decompose():
+    for piece in _simplified(blank ^ part, COARSEST * thickness).decompose():
         made = piece.to_mesh64()
         plate = ClosedMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
         # Beyond its rim the blank can cut the part once more: such a piece holds nothing of the isosurface.
@@ -190,6 +198,20 @@ def _with_rim(points: np.ndarray, triangles: np.ndarray, width: float) -> tuple[
     c, d = len(points) + number.reshape(-1, 2).T
     flaps = np.concatenate([np.stack([b, a, c], 1), np.stack([b, c, d], 1)])
     return np.concatenate([points, points[ends] + width * away]), np.concatenate([triangles, flaps])
+
+
+def _simplified(made: Manifold, tolerance: float) -> Manifold:
+    """The mesh with fewer triangles, off by about a tolerance.
+
+    One pass leaves slivers among the edges that the boolean cut, thinner than the CAD kernel can tell apart: edges
+    are fixed where they divide triangles of different origin, and collapsing some makes others short.
+    """
+    made, before = made.as_original(), 0
+    for _ in range(MOST_PASSES):
+        if made.num_tri() == before:
+            break
+        before, made = made.num_tri(), made.simplify(tolerance)
+    return made
 
 
 def _manifold(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:
