@@ -3,6 +3,7 @@
 from michell_cad.strength.comparison.compare import Candidate, Row, compare_trusses, standard_rivals
 from michell_cad.strength.comparison.grids import regular_grid
 from michell_cad.strength.comparison.ground_structure import GroundStructureOptions, optimal_ground_structure
+from michell_cad.strength.comparison.hex_truss import hex_truss
 from michell_cad.strength.comparison.union_volume import scale_to_union, union_volume
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "GroundStructureOptions",
     "Row",
     "compare_trusses",
+    "hex_truss",
     "optimal_ground_structure",
     "regular_grid",
     "scale_to_union",
