@@ -79,7 +79,7 @@ def compare_job(job_file: str | Path, sizes: tuple[int, ...], voxels: int, progr
     Raises
     ------
     InvalidInputError
-        For a bad job, a ground structure or voxels too large for memory, or too few voxels.
+        For a bad job, voxels too large for memory, or too few of them for the part.
     ConvergenceError
         If a stage fails.
     """
@@ -99,7 +99,7 @@ def compare_job(job_file: str | Path, sizes: tuple[int, ...], voxels: int, progr
     )
     name = "this truss" + ("" if options.size_by is None else ", sized")
     spacing = truss.spacing * float(np.mean(knobs.every))
-    rivals = standard_rivals(problem, options, sizes, spacing)
+    rivals, missing = standard_rivals(problem, options, sizes, spacing)
     progress("rivals", 0.5)
     volume = union_volume(sized)
     rows = compare_trusses(problem, [Candidate(name, sized), *rivals], volume, options.off_axis_degrees)
@@ -111,7 +111,7 @@ def compare_job(job_file: str | Path, sizes: tuple[int, ...], voxels: int, progr
         rows += voxel_rows(problem, densities, volume)
     single = volume / build_beam_model(sized, problem.material, straight=False).volume
     shear = rms_shear(problem.mesh, result.stress_field.stress, result.parametrization.tangents)
-    return Comparison(tuple(rows), densities, 1 - single, shear, options.off_axis_degrees, tuple(notes))
+    return Comparison(tuple(rows), densities, 1 - single, shear, options.off_axis_degrees, (*notes, *missing))
 
 
 def print_comparison(comparison: Comparison, console: Console) -> None:

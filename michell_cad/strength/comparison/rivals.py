@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from michell_cad.errors import MichellError
 from michell_cad.problem import DesignProblem
 from michell_cad.strength.comparison.compare import Candidate
 from michell_cad.strength.comparison.grids import regular_grid, turned_axes
@@ -23,10 +24,11 @@ def standard_rivals(
     options: StrengthenOptions,
     sizes: Sequence[int] = GRID_CELLS,
     spacing: float | None = None,
-) -> list[Candidate]:
+) -> tuple[list[Candidate], list[str]]:
     """Grids of several sizes, plain and braced (diagonals parallel, or in turns), one braced at 45 degrees; cells that
     conform to the boundary, plain and braced; and a ground structure between the nodes of the smallest grid.
 
+    Also returns notes on those that could not be found, or would not fit in memory: the others are still worth seeing.
     With `options.size_by` grids and cells are sized as the design is, at an equal sum of member volumes.
 
     Parameters
@@ -47,13 +49,20 @@ def standard_rivals(
     cells = _cells(extent, sizes[-1])
     axes = turned_axes(45.0, int(np.argsort(extent)[1]))
     trusses[f"{name} turned"] = regular_grid(mesh, cells, axes, braced=True)
-    spacing = extent.max() / sizes[-1] if spacing is None else spacing
-    trusses["hexes"] = hex_truss(mesh, spacing)
-    trusses["hexes zigzag"] = hex_truss(mesh, spacing, braced=True)
+    edge = float(extent.max()) / sizes[-1] if spacing is None else spacing
+    notes = []
+    try:
+        trusses |= {"hexes": hex_truss(mesh, edge), "hexes zigzag": hex_truss(mesh, edge, braced=True)}
+    except MichellError as error:
+        notes.append(f"hexes are left out: {error}")
     found = [Candidate(name, equal_members(problem, truss)) for name, truss in trusses.items()]
     if options.size_by is not None:
         found = [Candidate(f"{item.name} sized", size_for_loads(problem, item.sized, options)) for item in found]
-    return [*found, ground_structure_candidate(problem, sizes[0])]
+    try:
+        found.append(ground_structure_candidate(problem, sizes[0]))
+    except MichellError as error:
+        notes.append(f"the ground structure is left out: {error}")
+    return found, notes
 
 
 def ground_structure_candidate(problem: DesignProblem, size: int) -> Candidate:

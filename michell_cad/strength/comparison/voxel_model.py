@@ -194,7 +194,8 @@ def _pieces_in_place(
     inside: np.ndarray, corners: np.ndarray, lattice: np.ndarray, held: np.ndarray
 ) -> Bool[np.ndarray, " n_e"]:
     """Which voxels are in a piece that its held nodes leave no rigid motion."""
-    labels = np.asarray(scipy.ndimage.label(inside)[0])[inside]
+    labelled: Any = scipy.ndimage.label(inside)
+    labels = labelled[0][inside]
     kept = np.zeros(len(corners), bool)
     for label in np.unique(labels):
         nodes = np.unique(corners[labels == label])

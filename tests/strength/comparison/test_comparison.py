@@ -8,7 +8,7 @@ from frames import box_grid, frame, loading
 from scipy.integrate import quad
 from shapes import cantilever
 
-from michell_cad.errors import InvalidInputError
+from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import StrengthenOptions
 from michell_cad.strength.comparison import (
     Candidate,
@@ -187,7 +187,8 @@ def test_rows_side_by_side():
 
 
 def test_rivals_are_of_all_kinds():
-    rivals = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,))
+    rivals, notes = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,))
+    assert notes == []
     assert [r.name for r in rivals] == [
         "grid 2x1x1",
         "grid 2x1x1 braced",
@@ -202,8 +203,19 @@ def test_rivals_are_of_all_kinds():
     assert rows[1].compliance < rows[0].compliance
     # Cells of a box are those of its grid; by default as large as those of the finest one.
     assert len(rivals[4].sized.truss.members) == len(rivals[0].sized.truss.members)
-    finer = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,), spacing=20.0)
+    finer, _ = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,), spacing=20.0)
     assert len(finer[4].sized.truss.members) == 4 * 9 + 5 * 2 * 3 * 2
+
+
+def test_rivals_that_are_not_found_are_noted(monkeypatch):
+    def fail(*arguments, **options):
+        raise ConvergenceError("no luck")
+
+    for name in ("hex_truss", "optimal_ground_structure"):
+        monkeypatch.setattr(f"michell_cad.strength.comparison.rivals.{name}", fail)
+    rivals, notes = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(1,))
+    assert [r.name for r in rivals] == [f"grid 1x1x1{kind}" for kind in ("", " braced", " zigzag", " turned")]
+    assert notes == ["hexes are left out: no luck", "the ground structure is left out: no luck"]
 
 
 def test_refusals(monkeypatch):
