@@ -139,9 +139,9 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
         found = comparison.voxels
         console.print(
             f"voxels: {len(found.density):,} of {found.model.edges.max():.3g} mm, for the given loads only; bound: no "
-            "structure of this volume has a smaller f.u, but for what voxels do to the faces of the part; p = 1: "
-            "densities from empty to full; p = 3: nearly empty or full ones, a local optimum (grey share "
-            f"{found.grey:.2f})"
+            "structure of this volume has a smaller f.u, but for what voxels do to the faces of the part and trusses "
+            "to its loads, which they take at nodes; p = 1: densities from empty to full; p = 3: nearly empty or full "
+            f"ones, a local optimum (grey share {found.grey:.2f})"
         )
     warning = "; above it braces are likely to pay" if comparison.shear > SHEAR_LIMIT else ""
     console.print(f"rms frame shear of this truss {comparison.shear:.2f} (limit {SHEAR_LIMIT:g}{warning})")

@@ -3,7 +3,7 @@
 from michell_cad.strength.comparison.compare import Candidate, Row, compare_trusses, voxel_rows
 from michell_cad.strength.comparison.grids import regular_grid
 from michell_cad.strength.comparison.ground_structure import GroundStructureOptions, optimal_ground_structure
-from michell_cad.strength.comparison.hex_truss import hex_truss
+from michell_cad.strength.comparison.hexes import hex_truss
 from michell_cad.strength.comparison.rivals import standard_rivals
 from michell_cad.strength.comparison.union_volume import scale_to_union, union_volume
 from michell_cad.strength.comparison.voxel_model import voxel_surface

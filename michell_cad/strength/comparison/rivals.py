@@ -10,7 +10,7 @@ from michell_cad.problem import DesignProblem
 from michell_cad.strength.comparison.compare import Candidate
 from michell_cad.strength.comparison.grids import regular_grid, turned_axes
 from michell_cad.strength.comparison.ground_structure import optimal_ground_structure
-from michell_cad.strength.comparison.hex_truss import hex_truss
+from michell_cad.strength.comparison.hexes import conforming_map, hex_truss
 from michell_cad.strength.loads import carry_over_loads
 from michell_cad.strength.strengthen import StrengthenOptions, size_for_loads
 from michell_cad.truss import SizedTruss, Truss
@@ -52,7 +52,9 @@ def standard_rivals(
     edge = float(extent.max()) / sizes[-1] if spacing is None else spacing
     notes = []
     try:
-        trusses |= {"hexes": hex_truss(mesh, edge), "hexes zigzag": hex_truss(mesh, edge, braced=True)}
+        phi = conforming_map(mesh)
+        trusses["hexes"] = hex_truss(mesh, edge, coordinates=phi)
+        trusses["hexes zigzag"] = hex_truss(mesh, edge, braced=True, coordinates=phi)
     except MichellError as error:
         notes.append(f"hexes are left out: {error}")
     found = [Candidate(name, equal_members(problem, truss)) for name, truss in trusses.items()]

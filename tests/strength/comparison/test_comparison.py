@@ -211,7 +211,7 @@ def test_rivals_that_are_not_found_are_noted(monkeypatch):
     def fail(*arguments, **options):
         raise ConvergenceError("no luck")
 
-    for name in ("hex_truss", "optimal_ground_structure"):
+    for name in ("conforming_map", "optimal_ground_structure"):
         monkeypatch.setattr(f"michell_cad.strength.comparison.rivals.{name}", fail)
     rivals, notes = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(1,))
     assert [r.name for r in rivals] == [f"grid 1x1x1{kind}" for kind in ("", " braced", " zigzag", " turned")]

@@ -124,7 +124,7 @@ def test_finer_voxels_close_the_bracket():
 
 def test_no_truss_of_as_much_material_is_stiffer():
     volume = SHARE * PROBLEM.mesh.volumes.sum()
-    design = optimise_voxels(PROBLEM, volume, VoxelOptions(count=1024))
+    design = optimise_voxels(PROBLEM, volume, VoxelOptions(count=432))
     rows = voxel_rows(PROBLEM, design, volume)
     trusses = [
         regular_grid(PROBLEM.mesh, (4, 2, 2), alternating=True),
@@ -132,7 +132,9 @@ def test_no_truss_of_as_much_material_is_stiffer():
     ]
     candidates = [Candidate("grid", equal_members(PROBLEM, truss)) for truss in trusses]
     for row in compare_trusses(PROBLEM, candidates, volume):
-        assert rows[0].compliance < design.sheet_compliance < row.compliance
+        # Densities within voxels may change: that costs the bound more than the gap of those that may not.
+        assert rows[0].compliance < 0.9 * design.sheet_compliance
+        assert design.sheet_compliance < row.compliance
         assert rows[0].mass_g == pytest.approx(row.mass_g)
     assert rows[0].compliance < rows[1].compliance < rows[2].compliance
     assert rows[0].yield_factor is rows[0].member_buckling is rows[0].members is None

@@ -39,7 +39,9 @@ ITERATIONS, TOLERANCE = 200, 1e-5
 """Of the minimisation with layers."""
 
 
-def hex_truss(mesh: TetMesh, spacing: float, braced: bool = False) -> Truss:
+def hex_truss(
+    mesh: TetMesh, spacing: float, braced: bool = False, coordinates: Float[np.ndarray, "n_v 3"] | None = None
+) -> Truss:
     """A truss along the edges of hexahedral cells that conform to the boundary.
 
     Parameters
@@ -47,6 +49,7 @@ def hex_truss(mesh: TetMesh, spacing: float, braced: bool = False) -> Truss:
     mesh : TetMesh
     spacing : median edge of a cell, mm; changed by up to 5 per cent so that whole cells fit between the faces.
     braced : whether every face of a cell gets one diagonal, those of neighbouring faces in turns.
+    coordinates : the `conforming_map`, if there is one already.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def hex_truss(mesh: TetMesh, spacing: float, braced: bool = False) -> Truss:
         If no map without folds is found.
     """
     require(np.isfinite(spacing) and spacing > 0, f"spacing must be positive, in mm, found {spacing}")
-    parametrization = Parametrization(mesh, conforming_map(mesh))
+    parametrization = Parametrization(mesh, conforming_map(mesh) if coordinates is None else coordinates)
     levels, edge = parametrization.levels(None, spacing, layers="hug")
     truss = keep_inside(clean_network(trace_isocurves(mesh, levels), edge)[0], mesh)
     return add_braces(truss, alternating_diagonals(truss, mesh, levels)) if braced else truss
