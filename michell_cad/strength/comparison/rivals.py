@@ -48,7 +48,7 @@ def standard_rivals(
         trusses[f"{name} zigzag"] = regular_grid(mesh, cells, alternating=True)
     cells = _cells(extent, sizes[-1])
     axes = turned_axes(45.0, int(np.argsort(extent)[1]))
-    trusses[f"{name} turned"] = regular_grid(mesh, cells, axes, braced=True)
+    trusses["grid " + "x".join(map(str, cells)) + " turned"] = regular_grid(mesh, cells, axes, braced=True)
     edge = float(extent.max()) / sizes[-1] if spacing is None else spacing
     notes = []
     try:

@@ -67,6 +67,11 @@ class VoxelModel:
     def __post_init__(self) -> None:
         freeze(self, edges=np.float64, centres=np.float64, places=np.int64, nodes=np.float64, corners=np.int64)
         freeze(self, held=bool, forces=np.float64, weights=np.float64)
+        n_c, n_n, n_e = len(self.names), len(self.nodes), len(self.centres)
+        for name, shape in (("corners", (n_e, 8)), ("held", (n_n, 3)), ("forces", (n_c, n_n, 3)), ("weights", (n_c,))):
+            found = getattr(self, name).shape
+            require(found == shape, f"voxels: {name} must have shape {shape}, found {found}")
+        require(self.corners.min() >= 0 and self.corners.max() < n_n, f"corners must be among the {n_n} nodes")
 
     @property
     def volume(self) -> float:

@@ -106,6 +106,10 @@ def test_refusals():
     with pytest.raises(InvalidInputError, match=r"no voxel of .* mm has its centre in the part: use more voxels"):
         build_voxel_model(tube_problem(), 1)
     model = build_voxel_model(problem, 128)
+    with pytest.raises(InvalidInputError, match=r"voxels: forces must have shape \(1, 225, 3\), found \(2, 225, 3\)"):
+        replace(model, forces=np.zeros((2, 225, 3)))
+    with pytest.raises(InvalidInputError, match="corners must be among the 225 nodes"):
+        replace(model, corners=model.corners + 1)
     far = np.array([[80.0, 20.0, 60.0]])
     with pytest.raises(InvalidInputError, match=r"the load at \(80, 20, 60\) mm is 2.5 voxels away"):
         carry_over_forces(model, far, np.ones((1, 1, 3)))
