@@ -107,7 +107,7 @@ def test_refusals():
         build_voxel_model(tube_problem(), 1)
     model = build_voxel_model(problem, 128)
     with pytest.raises(InvalidInputError, match=r"voxels: forces must have shape \(1, 225, 3\), found \(2, 225, 3\)"):
-        replace(model, forces=np.zeros((2, 225, 3)))
+        replace(model, forces=np.zeros((2, 225, 3)), weights=np.ones(2))  # of one load case
     with pytest.raises(InvalidInputError, match="corners must be among the 225 nodes"):
         replace(model, corners=model.corners + 1)
     far = np.array([[80.0, 20.0, 60.0]])
