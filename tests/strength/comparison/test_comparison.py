@@ -228,3 +228,26 @@ def test_refusals(monkeypatch):
     monkeypatch.setattr("michell_cad.strength.comparison.ground_structure.free_memory", lambda: 1000)
     with pytest.raises(InvalidInputError, match=r"4 nodes has 6 possible bars and would take about .* use fewer cells"):
         optimal_ground_structure(nodes, load, 1.0)
+
+
+def test_a_program_that_the_simplex_method_gives_up_is_solved_by_another(monkeypatch):
+    from michell_cad.strength.comparison import ground_structure
+
+    nodes = plane([0.0, 10.0], [0.0, 10.0, 20.0])
+    loads = load_in_plane(nodes, [at(nodes, 0, 0), at(nodes, 0, 20)], at(nodes, 10, 10), (0, 0, -1.0))
+    expected = optimal_ground_structure(nodes, loads, 1.0).volume
+    assert expected == pytest.approx(2 * 10.0)  # 2 F d / sigma, two bars at 45 degrees
+    solve, tried = ground_structure.linprog, []
+
+    def give_up(**program):
+        tried.append(program["method"])
+        found = solve(**program)
+        return replace_status(found, 4) if program["method"] == "highs" else found
+
+    def replace_status(found, status):
+        found.status = status
+        return found
+
+    monkeypatch.setattr(ground_structure, "linprog", give_up)
+    assert optimal_ground_structure(nodes, loads, 1.0).volume == pytest.approx(expected, rel=1e-6)
+    assert set(tried) == {"highs", "highs-ipm"}
