@@ -24,8 +24,8 @@ MOST_NUDGES = 4
 GROWTH, MOST_GROWTH = 1.12, 2.0
 """A sphere without room for its seam grows by this factor, at most to this multiple (relative)."""
 
-STATIONS = np.linspace(0, 1, 34)[1:-1]
-"""Where the radius along a member is looked at."""
+REFINEMENTS = 6
+"""Looks at the thinnest place that the last look left: each squares the error."""
 
 PHASES = np.linspace(0, 2 * np.pi, 25)[:-1]
 """Rotations of a member about itself that are tried to keep its seam away from the corners of its creases."""
@@ -77,11 +77,17 @@ def without_waist(radii: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     At a crease a thin member is as thick as its rival. On the way from there to its own radius `member_radius`
     would fall below that by an eighth of the difference: more than there is, if the rival is ten times as thick.
     """
-    r0, _, r2 = radii.T[..., None]
-    mean = (r0 + r2) / 2
-    base = member_radius(np.stack([r0, mean, r2], axis=-1), STATIONS)
-    bump = member_radius(np.array([0.0, 1.0, 0.0]), STATIONS)
-    needed = mean[:, 0] + ((radii.min(1)[:, None] - base) / bump).max(1)
+    r0, r1, r2 = radii.T
+    mean, rise = (r0 + r2) / 2, r2 - r0
+    # With b = middle - mean the slope is s (1 - s) (6 rise + 32 b (1 - 2 s)): it does not fall at the thinner end if
+    monotone = mean - 3 / 16 * np.abs(rise)
+    # If the middle is the thinnest of the three, the thinnest place beside it is lifted to it, again and again.
+    waist = r1
+    for _ in range(REFINEMENTS):
+        s = 0.5 + 6 * rise / (64 * np.minimum(waist - mean, -3 / 16 * np.abs(rise) - 1e-12 * mean))
+        base = member_radius(np.stack([r0, mean, r2], axis=1), s)
+        waist = np.minimum(np.maximum(waist, mean + (r1 - base) / (16 * (s * (1 - s)) ** 2)), np.maximum(monotone, r1))
+    needed = np.where(np.minimum(r0, r2) <= r1, monotone, waist)
     return np.stack([radii[:, 0], np.maximum(radii[:, 1], needed), radii[:, 2]], axis=1)
 
 

@@ -20,7 +20,7 @@ def test_a_waist_is_filled_and_an_entasis_is_left_alone() -> None:
     np.testing.assert_allclose(found[:3], radii[:3], rtol=1e-12)
     assert member_radius(radii[3], S).min() < 0
     # |middle - mean| <= 3/16 |difference of the ends| is where the slope of the quartic changes its sign at the end.
-    assert found[3, 1] == pytest.approx(5.5 - 3 / 16 * 9, rel=0.03)
+    assert found[3, 1] == pytest.approx(5.5 - 3 / 16 * 9, rel=2e-3)
 
 
 @given(st.lists(st.floats(0.1, 10.0), min_size=3, max_size=3))
@@ -29,7 +29,7 @@ def test_no_tube_is_thinner_than_its_radii(three) -> None:
     found = without_waist(radii)
     assert (found[:, [0, 2]] == radii[:, [0, 2]]).all()
     assert (found[:, 1] >= radii[:, 1]).all()
-    assert member_radius(found[0], S).min() >= 0.995 * min(three)
+    assert member_radius(found[0], S).min() >= 0.999 * min(three)
 
 
 def test_a_thin_member_at_an_acute_angle_to_a_thick_one_has_its_radius() -> None:
