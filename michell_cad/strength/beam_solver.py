@@ -13,16 +13,67 @@ the quadrature. The curvature of a curved beam changes its path, not its section
 radius of curvature).
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from michell_cad.arrays import require
-from michell_cad.linear_solver import factorise
+from michell_cad.linear_solver import Factor, factorise
 from michell_cad.strength.beam_model import BeamModel
 from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.mechanism import require_no_loose_part
+
+
+@dataclass(frozen=True, eq=False)
+class BeamSystem:
+    """The factorised stiffness of a beam model, for as many loads as one likes.
+
+    Parameters
+    ----------
+    model : BeamModel
+    flexibility : (n_e, 6, 6), F.
+    end_force : (n_e, 6, 12), F^-1 G: force and moment on the second end of every element, from its displacements.
+    free : numbers of the degrees of freedom that can move.
+    stiffness, factor : of these.
+    """
+
+    model: BeamModel
+    flexibility: Float[np.ndarray, "n_e 6 6"]
+    end_force: Float[np.ndarray, "n_e 6 12"]
+    free: Int[np.ndarray, " n_f"]
+    stiffness: sp.csr_matrix
+    factor: Factor
+
+    def displacements(self, forces: Float[np.ndarray, "n_c n_n 6"]) -> Float[np.ndarray, "n_c n_n 6"]:
+        """Displacements and rotations of the nodes under some cases of forces and moments on them."""
+        right = np.ascontiguousarray(forces.reshape(len(forces), -1)[:, self.free].T)
+        x = self.factor.solve(right)
+        # Frames are ill-conditioned, (length / radius)^2 and more: one step of refinement returns the digits lost.
+        x = x + self.factor.solve(np.ascontiguousarray(right - self.stiffness @ x))
+        u = np.zeros((len(forces), 6 * len(self.model.nodes)))
+        u[:, self.free] = x.T
+        return u.reshape(forces.shape)
+
+    def of_elements(self, displacements: Float[np.ndarray, "n_c n_n 6"]) -> Float[np.ndarray, "n_c n_e 12"]:
+        """Displacements of the two ends of every element."""
+        return displacements[:, self.model.elements].reshape(len(displacements), -1, 12)
+
+
+def factorise_beams(model: BeamModel, held: Bool[np.ndarray, "n_t 6"]) -> BeamSystem:
+    """Assemble and factorise the stiffness of a beam model whose truss has these displacements held."""
+    n_n = len(model.nodes)
+    can = np.zeros((n_n, 6), bool)
+    can[model.elements] = True
+    can[: len(held)] &= ~held
+    free = np.flatnonzero(can.ravel())
+    G = end_displacements(model)
+    F = element_flexibility(model)
+    end_force = np.linalg.solve(F, G)
+    K = assemble(model, G.swapaxes(1, 2) @ end_force)[free][:, free]
+    return BeamSystem(model, F, end_force, free, K, factorise(K))
 
 
 def solve_beams(model: BeamModel, loading: TrussLoading) -> BeamSolution:
@@ -33,34 +84,46 @@ def solve_beams(model: BeamModel, loading: TrussLoading) -> BeamSolution:
     InvalidInputError
         If the loading is of another truss, a load acts on a node without members, or a part of the truss is loose.
     """
-    n_n, n_t = len(model.nodes), len(model.truss.nodes)
+    require_solvable(model, loading)
+    return solve_system(factorise_beams(model, loading.held), loading)
+
+
+def solve_system(system: BeamSystem, loading: TrussLoading) -> BeamSolution:
+    """The solution of a factorised system for every load case."""
+    model = system.model
+    f = np.zeros((len(loading.forces), len(model.nodes), 6))
+    f[:, : len(model.truss.nodes)] = loading.forces
+    u = system.displacements(f)
+    second = np.einsum("eij,cej->cei", system.end_force, system.of_elements(u))
+    # In balance: the first end carries the opposite force, and the moment of the second end's force about it.
+    a, b = model.nodes[model.elements].transpose(1, 0, 2)
+    first = -second
+    first[..., 3:] -= np.cross(b - a, second[..., :3])
+    return BeamSolution(model, u, np.stack([first, second], axis=2), np.einsum("cnd,cnd->c", f, u))
+
+
+def require_solvable(model: BeamModel, loading: TrussLoading) -> None:
+    """Refuse a loading of another truss, loads on nodes without members, and loose parts."""
+    n_t = len(model.truss.nodes)
     require(
         loading.held.shape == (n_t, 6),
         f"the loading is for {len(loading.held)} nodes, the truss has {n_t}: carry the loads over to this truss",
     )
-    used = np.zeros(n_n, bool)
-    used[model.elements] = True
-    lost = (loading.forces != 0).any((0, 2)) & ~used[:n_t]
+    used = np.zeros(n_t, bool)
+    used[model.truss.members] = True
+    lost = (loading.forces != 0).any((0, 2)) & ~used
     require(not lost.any(), f"a load acts on {lost.sum()} nodes without members, first node {np.argmax(lost)}")
-    held = np.zeros((n_n, 6), bool)
-    held[:n_t] = loading.held
     require_no_loose_part(model.truss, loading.held)
 
-    free = np.flatnonzero((used[:, None] & ~held).ravel())
-    f = np.zeros((len(loading.forces), n_n, 6))
-    f[:, :n_t] = loading.forces
-    stiffness = element_stiffness(model)
-    K = assemble(model, stiffness)[free][:, free]
-    right = f.reshape(len(f), -1)[:, free].T
-    factor = factorise(K)
-    x = factor.solve(np.ascontiguousarray(right))
-    # Frames are ill-conditioned, (length / radius)^2 and more: one step of refinement returns the digits lost.
-    x = x + factor.solve(np.ascontiguousarray(right - K @ x))
-    u = np.zeros((len(f), n_n * 6))
-    u[:, free] = x.T
-    u = u.reshape(f.shape)
-    ends = np.einsum("eij,cej->cei", stiffness, u[:, model.elements].reshape(len(f), -1, 12))
-    return BeamSolution(model, u, ends.reshape(len(f), -1, 2, 6), np.einsum("cnd,cnd->c", f, u))
+
+def end_displacements(model: BeamModel) -> Float[np.ndarray, "n_e 6 12"]:
+    """G: displacement and rotation of the second end relative to a rigid motion with the first, from both ends'."""
+    a, b = model.nodes[model.elements].transpose(1, 0, 2)
+    G = np.zeros((len(a), 6, 12))
+    G[:, range(6), range(6)] = -1
+    G[:, range(6), range(6, 12)] = 1
+    G[:, :3, 3:6] = cross_matrix(b - a)
+    return G
 
 
 def element_flexibility(model: BeamModel) -> Float[np.ndarray, "n_e 6 6"]:
@@ -85,11 +148,7 @@ def element_flexibility(model: BeamModel) -> Float[np.ndarray, "n_e 6 6"]:
 
 def element_stiffness(model: BeamModel) -> Float[np.ndarray, "n_e 12 12"]:
     """G' F^-1 G in global axes; degrees of freedom: displacement and rotation of the first node, then of the second."""
-    a, b = model.nodes[model.elements].transpose(1, 0, 2)
-    G = np.zeros((len(a), 6, 12))
-    G[:, range(6), range(6)] = -1
-    G[:, range(6), range(6, 12)] = 1
-    G[:, :3, 3:6] = cross_matrix(b - a)
+    G = end_displacements(model)
     return G.swapaxes(1, 2) @ np.linalg.solve(element_flexibility(model), G)
 
 

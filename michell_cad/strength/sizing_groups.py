@@ -39,6 +39,11 @@ class SizingGroups:
         """n_x."""
         return self.middle.get_shape()[1]
 
+    @property
+    def by_place(self) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """W for the first nodes, the middles and the second nodes of the members."""
+        return self.ends[0], self.middle, self.ends[1]
+
     @cached_property
     def shares(self) -> sp.csr_matrix:
         """How much of each member belongs to each variable: the mean of W over its ends and middle, (n_m, n_x)."""
@@ -51,8 +56,13 @@ class SizingGroups:
 
     def radii(self, x: Float[np.ndarray, " n_x"]) -> Float[np.ndarray, "n_m 3"]:
         """Radii at the first node, in the middle and at the second node of each member."""
-        logs = [W @ x for W in (self.ends[0], self.middle, self.ends[1])]
-        return np.sqrt(np.exp(np.stack(logs, axis=1)) / np.pi)
+        return np.sqrt(np.exp(np.stack([W @ x for W in self.by_place], axis=1)) / np.pi)
+
+    def nearest(self, radii: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_x"]:
+        """The x whose radii resemble some others: of every variable the mean of the logarithms that it has a share in."""
+        logs = np.log(np.pi * radii**2)
+        total = sum(W.T @ logs[:, j] for j, W in enumerate(self.by_place))
+        return total / sum(np.asarray(W.sum(0)).ravel() for W in self.by_place)
 
 
 def group_members(truss: Truss, by: SizedBy) -> SizingGroups:

@@ -7,7 +7,7 @@ from frames import STEEL, cube_frame, frame, loading
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import SizingOptions, build_beam_model, size_members, solve_beams
-from michell_cad.strength.sizing import BUCKLING_MARGIN
+from michell_cad.strength.stiffest import BUCKLING_MARGIN
 from michell_cad.strength.sizing_groups import group_members
 from michell_cad.truss import Truss
 

@@ -23,7 +23,8 @@ from michell_cad.strength.loads import OFF_AXIS_DEGREES, add_off_axis_cases, car
 from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.pin_joints import pin_joint_residual
-from michell_cad.strength.strengthen import StrengthenOptions, size_for_loads
+from michell_cad.strength.strengthen import size_for_loads
+from michell_cad.strength.strengthen_options import StrengthenOptions
 from michell_cad.truss import SizedTruss, Truss
 
 GRID_CELLS = (4, 6, 8)
