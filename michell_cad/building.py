@@ -6,15 +6,12 @@ The same road for all who build: the main job, an edited design, an export, a ho
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from jaxtyping import Float
-
 from michell_cad.arrays import require
-from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, prepare_truss, resolve_radius, unite
+from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, node_room, prepare_truss, resolve_radius, unite
 from michell_cad.edits import Entasis, Radius, Structure, resize_structure, size_structure
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
-from michell_cad.strength import Build, StrengthenReport, strengthen
+from michell_cad.strength import Build, Buildable, StrengthenReport, strengthen
 from michell_cad.truss import SizedTruss
 
 Progress = Callable[[str, float], None]
@@ -70,9 +67,9 @@ def buildable(knobs: Knobs) -> Build | None:
     if knobs.swept:
         return None
 
-    def build(sized: SizedTruss) -> tuple[SizedTruss, Float[np.ndarray, " n_n"]]:
+    def build(sized: SizedTruss) -> Buildable:
         prepared = prepare_truss(sized, knobs)
-        return prepared.sized, prepared.sizes.radius
+        return Buildable(prepared.sized, prepared.sizes.radius, node_room(prepared))
 
     return build
 

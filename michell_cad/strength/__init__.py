@@ -7,7 +7,7 @@ from michell_cad.strength.loads import TrussLoading, add_off_axis_cases, carry_o
 from michell_cad.strength.mechanism import keep_supported
 from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
 from michell_cad.strength.strength_report import StrengthReport, measure_strength, strength_block
-from michell_cad.strength.sized_for_loads import Build
+from michell_cad.strength.sized_for_loads import Build, Buildable
 from michell_cad.strength.strengthen import (
     StrengthenReport,
     straighten,
@@ -20,6 +20,7 @@ __all__ = [
     "BeamModel",
     "BeamSolution",
     "Build",
+    "Buildable",
     "SizingOptions",
     "SizingReport",
     "StrengthReport",

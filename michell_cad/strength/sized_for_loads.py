@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from michell_cad.problem import DesignProblem
 from michell_cad.strength.beam_model import build_beam_model
@@ -22,8 +22,25 @@ from michell_cad.strength.sizing import SizingOptions, SizingReport, size_member
 from michell_cad.strength.strengthen_options import StrengthenOptions
 from michell_cad.truss import SizedTruss, Truss
 
-Build = Callable[[SizedTruss], tuple[SizedTruss, Float[np.ndarray, " n_n"]]]
-"""Changes a truss so that it can be built: returns it, and the radius of the ball at each of its nodes, mm."""
+@dataclass(frozen=True, eq=False)
+class Buildable:
+    """A truss changed so that it can be built.
+
+    Parameters
+    ----------
+    sized : the truss.
+    balls : (n_n,) radius of the ball at each node, mm.
+    room : (n_n,) radius to which the thickest member at each node could grow, the others in proportion, until the
+        shortest one there had no tube left between its two nodes, mm.
+    """
+
+    sized: SizedTruss
+    balls: Float[np.ndarray, " n_n"]
+    room: Float[np.ndarray, " n_n"]
+
+
+Build = Callable[[SizedTruss], Buildable]
+"""Makes a truss buildable."""
 
 FIRST_RATIO = 1.5
 """Radius of the ball at a node over the largest radius there, before anything is built: two equal members at a right
@@ -89,42 +106,41 @@ class SizedForLoads:
     def size(self, truss: Truss) -> Sized:
         """The best radii of a truss that can be built, and what building makes of it."""
         sized, report = self._radii(truss, np.full(len(truss.nodes), FIRST_RATIO))
-        best, ratios = self.measured(sized, report.converged)
+        best, built = self.measured(sized, report.converged)
         found = best
-        for _ in range(ROUNDS if self.build is not None else 0):
-            same = len(found.sized.truss.members) == len(sized.truss.members)
+        for _ in range(ROUNDS if built is not None else 0):
+            assert built is not None
+            same = len(built.sized.truss.members) == len(sized.truss.members)
             if same and (self.options.criterion == "compliance" or found.factor > (1 - SETTLED) * max(report.factors)):
                 break
-            sized, report = self._radii(found.sized.truss, ratios, found.sized.radii)
-            found, ratios = self.measured(sized, report.converged)
+            widest = widest_radii(built.sized)
+            ratios = np.divide(built.balls, widest, out=np.zeros(len(widest)), where=widest > 0)
+            sized, report = self._radii(found.sized.truss, ratios, found.sized.radii, built.room)
+            found, built = self.measured(sized, report.converged)
             best = found if self.score(found) > self.score(best) else best
         return best
 
-    def measured(self, sized: SizedTruss, converged: bool = True) -> tuple[Sized, Float[np.ndarray, " n_n"]]:
-        """A truss as it is built, and the ratios of its balls to the largest radii at their nodes."""
-        joints = None
+    def measured(self, sized: SizedTruss, converged: bool = True) -> tuple[Sized, Buildable | None]:
+        """A truss as it is built, and what building said."""
+        built = None
         if self.build is not None:
-            sized, joints = self.build(sized)
-            sized, _ = leave_out_loose_parts(self.problem, sized)
+            built = self.build(sized)
+            sized, _ = leave_out_loose_parts(self.problem, built.sized)
         material, straight = self.problem.material, sized.truss.straight
         columns = build_beam_model(sized, material, straight)
-        model = columns if joints is None else build_beam_model(sized, material, straight, joints=joints)
+        model = columns if built is None else build_beam_model(sized, material, straight, joints=built.balls)
         loading = self._loading(sized.truss)
         solution = solve_beams(model, loading)
         factor = material.yield_strength / float(solution.peak_stress.max())
         if self.options.buckling:
             factor = min(factor, float(member_buckling_factors(solution, columns).min()))
-        found = Sized(sized, factor, float(loading.weights @ solution.compliances), converged)
-        widest = np.zeros(len(sized.truss.nodes))
-        np.maximum.at(widest, sized.truss.members, sized.radii[:, [0, 2]])
-        balls = np.zeros(len(widest)) if joints is None else joints
-        return found, np.divide(balls, widest, out=np.zeros(len(widest)), where=widest > 0)
+        return Sized(sized, factor, float(loading.weights @ solution.compliances), converged), built
 
-    def paying_braces(self, truss: Truss, pairs: Int[np.ndarray, "n_b 2"]) -> Int[np.ndarray, "n_b 2"]:
+    def paying_braces(self, truss: Truss, pairs: Int[np.ndarray, "n_b 2"]) -> Int[np.ndarray, "n_k 2"]:
         """Of some braces those that sizing makes thick; the others only take volume and room."""
         while len(pairs):
             sized, _ = self._radii(add_braces(truss, pairs), np.full(len(truss.nodes), FIRST_RATIO))
-            thick: Bool[np.ndarray, " n_b"] = sized.radii[len(truss.members) :, 1] > BRACE_PAYS * sized.radii.min()
+            thick = sized.radii[len(truss.members) :, 1] > BRACE_PAYS * sized.radii.min()
             if thick.mean() > ENOUGH_PAY:
                 return pairs[thick]
             pairs = pairs[thick]
@@ -134,7 +150,11 @@ class SizedForLoads:
         return add_off_axis_cases(carry_over_loads(self.problem, truss), self.options.off_axis_degrees)
 
     def _radii(
-        self, truss: Truss, ratios: Float[np.ndarray, " n_n"], start: Float[np.ndarray, "n_m 3"] | None = None
+        self,
+        truss: Truss,
+        ratios: Float[np.ndarray, " n_n"],
+        start: Float[np.ndarray, "n_m 3"] | None = None,
+        room: Float[np.ndarray, " n_n"] | None = None,
     ) -> tuple[SizedTruss, SizingReport]:
         options = self.options
         assert options.size_by is not None  # asked before
@@ -155,4 +175,12 @@ class SizedForLoads:
             strict=False,
             node_ratios=None if self.build is None else ratios,
             start=start,
+            room=room,
         )
+
+
+def widest_radii(sized: SizedTruss) -> Float[np.ndarray, " n_n"]:
+    """Largest radius of the members at each node, mm."""
+    widest = np.zeros(len(sized.truss.nodes))
+    np.maximum.at(widest, sized.truss.members, sized.radii[:, [0, 2]])
+    return widest

@@ -25,8 +25,8 @@ from michell_cad.strength.stiffest import stiffest_radii
 from michell_cad.strength.strongest import EVEN_SECTIONS, strongest_radii
 from michell_cad.truss import SizedTruss, Truss
 
-SMALLEST_RADIUS_SHARE = 0.4
-"""Default smallest radius over the radius of equal members of the same volume: 16 % of their area. Thinner ones beside
+SMALLEST_RADIUS_SHARE = 0.3
+"""Default smallest radius over the radius of equal members of the same volume: 9 % of their area. Thinner ones beside
 thick ones bend sharply between the balls of their nodes, and their tubes have no room beside thick ones."""
 
 LENGTH_SHARE = 0.35
@@ -97,6 +97,7 @@ def size_members(
     strict: bool = True,
     node_ratios: Float[np.ndarray, " n_n"] | None = None,
     start: Float[np.ndarray, "n_m 3"] | None = None,
+    room: Float[np.ndarray, " n_n"] | None = None,
 ) -> tuple[SizedTruss, SizingReport]:
     """Give every group of members its radii, at a total volume (sum of the integrals of pi r^2) in mm^3.
 
@@ -108,6 +109,7 @@ def size_members(
     strict : whether not to converge is an error.
     node_ratios : radius of the ball at each node over the largest radius there, for "stress"; default: no balls.
     start : radii to start from, mm, any volume; default: equal ones.
+    room : largest radius at each node, mm, for members that are sized one by one; default: what the options say.
 
     Raises
     ------
@@ -125,7 +127,7 @@ def size_members(
     lengths = np.bincount(model.member_of_element, model.lengths, len(truss.members))
     smallest, largest = _area_bounds(truss, lengths, volume, options)
     groups = group_members(truss, options.by)
-    high = _room(groups, truss, smallest, largest, options)
+    high = _largest(groups, truss, smallest, largest, options, room)
     _require_room(groups, high, lengths, volume)
     ratios = np.zeros(len(truss.nodes)) if node_ratios is None else node_ratios
     first = np.full(groups.count, np.log(volume / lengths.sum())) if start is None else groups.nearest(start)
@@ -154,15 +156,19 @@ def size_members(
     return _at_volume(SizedTruss(truss, groups.radii(run.x)), material, volume, options.straight), report
 
 
-def _room(
-    groups: SizingGroups, truss: Truss, smallest: float, largest: float, options: SizingOptions
+def _largest(
+    groups: SizingGroups,
+    truss: Truss,
+    smallest: float,
+    largest: float,
+    options: SizingOptions,
+    room: Float[np.ndarray, " n_n"] | None,
 ) -> Float[np.ndarray, " n_x"]:
-    """Largest x: what the bound on all areas, and by default the length of each single member, leave."""
-    high = np.full(groups.count, np.log(largest))
-    if options.largest_radius is None and options.by == "member":
-        own = np.pi * (LENGTH_SHARE * truss.lengths[np.argsort(groups.of_member)]) ** 2
-        high = np.log(np.clip(own, smallest, largest))
-    return high
+    """Largest x: what the bound on all areas and, of single members, their lengths or the room at their nodes leave."""
+    if options.largest_radius is not None or options.by != "member":
+        return np.full(groups.count, np.log(largest))
+    own = LENGTH_SHARE * truss.lengths if room is None else room[truss.members].min(1)
+    return np.log(np.clip(np.pi * own**2, smallest, largest))[np.argsort(groups.of_member)]
 
 
 def _at_volume(sized: SizedTruss, material: Material, volume: float, straight: bool) -> SizedTruss:

@@ -11,7 +11,7 @@ from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.sizing_groups import SizingGroups
 
-BISECTIONS = 60
+BISECTIONS = 100
 """Halvings of the interval of the shift that restores the volume: to the last digit."""
 
 
