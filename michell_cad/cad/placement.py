@@ -5,6 +5,7 @@ creases in special position are turned, spheres without room for their seam grow
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from michell_cad.cad.centerlines import SMOOTHINGS, Centerlines, smooth_curves
 from michell_cad.cad.layout import Layout, lower_levels, settle
@@ -12,6 +13,7 @@ from michell_cad.cad.mitres import Mitre, corner_angles, cut_mitre
 from michell_cad.cad.nodes import cap_angle
 from michell_cad.cad.spheres import Caps, place_seams
 from michell_cad.cad.tubes import Tubes, fit_tubes, pinched_tubes
+from michell_cad.truss import member_radius
 
 MAX_TRIES = 100
 """Tries to place all nodes of one truss; each try takes one level, one nudge or one growth at the nodes that failed."""
@@ -21,6 +23,9 @@ MOST_NUDGES = 4
 
 GROWTH, MOST_GROWTH = 1.12, 2.0
 """A sphere without room for its seam grows by this factor, at most to this multiple (relative)."""
+
+WAIST, WAIST_STATIONS = 0.8, np.linspace(0.0, 1.0, 17)[1:-1]
+"""Least radius of a tube over the smallest of its three radii, and where it is looked at (relative)."""
 
 PHASES = np.linspace(0, 2 * np.pi, 25)[:-1]
 """Rotations of a member about itself that are tried to keep its seam away from the corners of its creases."""
@@ -66,11 +71,23 @@ def _fit_unfit(layout: Layout) -> set[int]:
     return set()
 
 
+def without_waists(radii: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Radii at start, middle and end with the middle raised where the member would be thinner elsewhere.
+
+    A crease makes an end as thick as its rival's: the quartic that falls from there to a thin middle falls below it,
+    and even below zero. `WAIST` of the smallest of the three is kept at `WAIST_STATIONS`.
+    """
+    ends = member_radius((radii * [1, 0, 1])[:, None], WAIST_STATIONS)
+    bump = member_radius(np.array([0.0, 1.0, 0.0]), WAIST_STATIONS)
+    needed = ((WAIST * radii.min(1, keepdims=True) - ends) / bump).max(1)
+    return np.stack([radii[:, 0], np.maximum(radii[:, 1], needed), radii[:, 2]], axis=1)
+
+
 def _fit(layout: Layout, members: np.ndarray, phase: np.ndarray) -> Tubes:
     """Fit some tubes, and enter them."""
     sized = layout.sized
     ends = layout.sizes["end_radius"].reshape(-1, 2)[members]
-    radii = np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1)
+    radii = without_waists(np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1))
     lines = Centerlines(layout.points[members], layout.directions[members])
     reach = layout.sizes["reach"].reshape(-1, 2)[members]
     nodes = sized.truss.nodes[sized.truss.members[members]]

@@ -1,9 +1,10 @@
 """The method of moving asymptotes with one constraint: Svanberg 1987, doi:10.1002/nme.1620240207.
 
 A function of x is replaced by sum p / (U - x) + q / (x - L), which has its value and derivatives at the present point;
-p goes with what makes it rise, q with what makes it fall. The sum is separable and convex, so that the least value under
-one such constraint is a search for one multiplier. The asymptotes L and U move away where x goes on in one direction
-and close in where it swings. Departures: the constraint is an equality that the caller restores, and steps are bounded.
+p goes with what makes it rise, q with what makes it fall. The sum is separable and convex, so that the least value
+under one such constraint is a search for one multiplier. The asymptotes L and U move away where x goes on in one
+direction and close in where it swings. Departures: the constraint is an equality that the caller restores, and steps
+are bounded.
 """
 
 from dataclasses import dataclass, field

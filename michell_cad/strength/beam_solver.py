@@ -14,12 +14,14 @@ radius of curvature).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from michell_cad.arrays import require
+from michell_cad.compiled import compiled
 from michell_cad.linear_solver import Factor, factorise
 from michell_cad.strength.beam_model import BeamModel
 from michell_cad.strength.beam_solution import BeamSolution
@@ -130,19 +132,9 @@ def element_flexibility(model: BeamModel) -> Float[np.ndarray, "n_e 6 6"]:
     """F: displacement and rotation of the second end for unit forces and moments on it, the first end held."""
     E, nu = model.material.youngs_modulus, model.material.poisson_ratio
     G = E / (2 * (1 + nu))
-    area = np.pi * model.radii**2
-    second_moment = area * model.radii**2 / 4
-    A = _along_and_across(
-        model.tangents, model.weights / (E * area), model.weights / (model.shear_coefficient * G * area)
-    )
-    B = _along_and_across(model.tangents, model.weights / (2 * G * second_moment), model.weights / (E * second_moment))
-    arm = cross_matrix(model.nodes[model.elements[:, 1], None] - model.points)
-    BS = B @ arm
-    F = np.empty((len(model.elements), 6, 6))
-    F[:, :3, :3] = (A + arm.swapaxes(-1, -2) @ BS).sum(1)
-    F[:, 3:, :3] = BS.sum(1)
-    F[:, :3, 3:] = F[:, 3:, :3].swapaxes(-1, -2)
-    F[:, 3:, 3:] = B.sum(1)
+    F = np.zeros((len(model.elements), 6, 6))
+    second = model.nodes[model.elements[:, 1]]
+    add_flexibility(second, model.points, model.tangents, model.radii, model.weights, E, G, model.shear_coefficient, F)
     return F
 
 
@@ -171,6 +163,32 @@ def cross_matrix(r: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
 
 
-def _along_and_across(t: np.ndarray, along: np.ndarray, across: np.ndarray) -> np.ndarray:
-    """along t t' + across (I - t t')."""
-    return (along - across)[..., None, None] * (t[..., :, None] * t[..., None, :]) + across[..., None, None] * np.eye(3)
+def _add_flexibility(
+    second: Any, points: Any, tangents: Any, radii: Any, weights: Any, E: float, G: float, kappa: float, F: Any
+) -> None:
+    """Add the integrals of H' [A 0; 0 B] H; column j of [r]_x is r x e_j."""
+    lever, turned = np.zeros((3, 3)), np.zeros((3, 3))
+    for e in range(len(F)):
+        for k in range(radii.shape[1]):
+            t, w = tangents[e, k], weights[e, k]
+            x, y, z = second[e] - points[e, k]
+            lever[0, 1], lever[0, 2], lever[1, 0], lever[1, 2], lever[2, 0], lever[2, 1] = -z, y, z, -x, -y, x
+            area = np.pi * radii[e, k] ** 2
+            inertia = area * radii[e, k] ** 2 / 4
+            along, across = w / (E * area), w / (kappa * G * area)
+            twist, bend = w / (2 * G * inertia), w / (E * inertia)
+            for j in range(3):
+                dot = t[0] * lever[0, j] + t[1] * lever[1, j] + t[2] * lever[2, j]
+                for i in range(3):
+                    turned[i, j] = (twist - bend) * t[i] * dot + bend * lever[i, j]
+            for i in range(3):
+                for j in range(3):
+                    both = lever[0, i] * turned[0, j] + lever[1, i] * turned[1, j] + lever[2, i] * turned[2, j]
+                    same = 1.0 if i == j else 0.0
+                    F[e, i, j] += (along - across) * t[i] * t[j] + across * same + both
+                    F[e, 3 + i, j] += turned[i, j]
+                    F[e, j, 3 + i] += turned[i, j]
+                    F[e, 3 + i, 3 + j] += (twist - bend) * t[i] * t[j] + bend * same
+
+
+add_flexibility = compiled(_add_flexibility)

@@ -22,6 +22,7 @@ from michell_cad.strength.sizing import SizingOptions, SizingReport, size_member
 from michell_cad.strength.strengthen_options import StrengthenOptions
 from michell_cad.truss import SizedTruss, Truss
 
+
 @dataclass(frozen=True, eq=False)
 class Buildable:
     """A truss changed so that it can be built.

@@ -58,11 +58,15 @@ class SizingGroups:
         """Radii at the first node, in the middle and at the second node of each member."""
         return np.sqrt(np.exp(np.stack([W @ x for W in self.by_place], axis=1)) / np.pi)
 
+    def gradient(self, by_area: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_x"]:
+        """Derivatives by x, from those by the logarithms of the three areas of each member."""
+        first, middle, second = self.by_place
+        return first.T @ by_area[:, 0] + middle.T @ by_area[:, 1] + second.T @ by_area[:, 2]
+
     def nearest(self, radii: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_x"]:
-        """The x whose radii resemble some others: of every variable the mean of the logarithms that it has a share in."""
+        """The x whose radii resemble some others: for every variable the mean of what it has a share in."""
         logs = np.log(np.pi * radii**2)
-        total = sum(W.T @ logs[:, j] for j, W in enumerate(self.by_place))
-        return total / sum(np.asarray(W.sum(0)).ravel() for W in self.by_place)
+        return self.gradient(logs) / self.gradient(np.ones(logs.shape))
 
 
 def group_members(truss: Truss, by: SizedBy) -> SizingGroups:

@@ -57,7 +57,7 @@ def strongest_radii(task: SizingTask) -> SizingRun:
         by_area = nodes.gradient(radii, norm.by_section)
         if task.buckling:
             by_area += nodes.member_gradient(radii, norm.by_column[:, None] * critical_force_slopes(columns))
-        gradient = sum(W.T @ column for W, column in zip(groups.by_place, by_area.T, strict=True))
+        gradient = groups.gradient(by_area)
         use = groups.middle.T @ task.volumes(x)
         new = task.at_volume(method.step(x, gradient, use, (task.low, task.high)))
         run.change = task.mean_change(x, new)

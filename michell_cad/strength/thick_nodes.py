@@ -1,8 +1,8 @@
 """Members within the balls of their nodes, at sections whose places stay: for radii that change from step to step.
 
-The ball at a node has a fixed ratio to the largest radius of the members there. Between fat balls a thin member is short
-and bends sharply as they turn, which a model of centre lines does not see: radii that it thinks strong may be a third
-as strong once built. The sections of the outer halves of a member are as thick as the ball that they lie in,
+The ball at a node has a fixed ratio to the largest radius of the members there. Between fat balls a thin member is
+short and bends sharply as they turn, which a model of centre lines does not see: radii that it thinks strong may be a
+third as strong once built. The sections of the outer halves of a member are as thick as the ball that they lie in,
 (R^2 - d^2)^(1/2) at the distance d from its centre; the one in the middle always has the member's own radius, so that a
 member hidden in two balls still has to carry what passes through it.
 """
@@ -81,7 +81,7 @@ class ThickNodes:
         widest = self.widest(radii)
         R = (self.ratios * widest)[self.model.elements]
         of_node = np.zeros(len(widest))
-        for end, column in ((0, 0), (1, 2)):
+        for end in (0, 1):
             mine = hidden & (self.near_end == end)
             part = np.where(mine, by_section / np.where(mine, ball, 1) ** 2, 0).sum(1) * R[:, end] ** 2
             np.add.at(of_node, self.model.elements[:, end], part)

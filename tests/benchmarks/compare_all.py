@@ -8,10 +8,10 @@ DIR holds the problems and `problems.json` with their resolutions. Designs are m
 `--designs` that the design command wrote. Of every design each n-th curve is kept, n the least with at most `--most`
 members; the grid has the number of cells along the longest side that comes nearest to as many members. Both have
 straight members sized one by one, by the same rules, for the given loads and these tilted by 5 degrees to four sides,
-buckling respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are those
-of the beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is better:
-stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at first yield of
-the tilted loads, and at the buckling of the whole frame.
+buckling respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are
+those of the beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is
+better: stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at either
+of the tilted loads, and at the buckling of the whole frame.
 """
 
 import argparse
@@ -167,9 +167,7 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
     build = buildable(knobs)
     shear = rms_shear(problem.mesh, design.stress_field.stress, design.parametrization.tangents)
     cells, grid = similar_grid(problem, len(sized.truss.members))
-    ours, report, notes = strengthen(
-        problem, design.stress_field, design.parametrization, sized, options, build
-    )
+    ours, report, notes = strengthen(problem, design.stress_field, design.parametrization, sized, options, build)
     assert report is not None
     theirs = size_for_loads(problem, grid, options, build)
     volume = arguments.volume_fraction * float(problem.mesh.volumes.sum())
@@ -179,8 +177,8 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
         f"  every {every}, {a.members} members ({report.braces} braces), grid {cells} {b.members}; solid volume "
         f"{a.volume:.2f} / {b.volume:.2f}\n"
         f"  ours / grid: stiffness {stiff:.2f}, yield {a.first_yield / b.first_yield:.2f}, failure "
-        f"{a.failure / b.failure:.2f}, tilted {a.tilted / b.tilted:.2f}, frame buckling {a.frame / b.frame:.2f}; sizing "
-        f"gains {report.failure_gain:.2f}\n"
+        f"{a.failure / b.failure:.2f}, tilted {a.tilted / b.tilted:.2f}, frame buckling {a.frame / b.frame:.2f}; "
+        f"sizing gains {report.failure_gain:.2f}\n"
         f"  cause: rms frame shear {shear:.2f}, pins miss {a.residual:.2f} / {b.residual:.2f}, sum|N|L "
         f"{b.force_path / a.force_path:.2f} of the grid's less\n"
         f"         first of ours: {a.cause}\n"

@@ -7,9 +7,9 @@ from frames import STEEL, cube_frame, frame, loading
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import SizingOptions, build_beam_model, size_members, solve_beams
+from michell_cad.strength.sizing_groups import group_members
 from michell_cad.strength.stiffest import BUCKLING_MARGIN
 from michell_cad.strength.strongest import LAST_POWER
-from michell_cad.strength.sizing_groups import group_members
 from michell_cad.truss import Truss
 
 FINE = SizingOptions(tolerance=1e-9, smallest_radius=1e-4, largest_radius=10.0)

@@ -10,7 +10,7 @@ from michell_cad.truss import SizedTruss, member_radius
 
 
 def test_sections_by_hand():
-    """A bar of length 10 and radius 1 with balls 3 and 0: at distance d from the first node the ball has (9 - d^2)^(1/2)."""
+    """A bar of length 10, radius 1, balls 3 and 0: at distance d from the first node the ball is (9 - d^2)^(1/2)."""
     sized = frame([[0, 0, 0], [10, 0, 0]], [(0, 1)], 1.0)
     nodes = ThickNodes(build_beam_model(sized, STEEL, even_sections=11), np.array([3.0, 0.0]))
     expected = np.ones(11)
