@@ -47,7 +47,7 @@ FIRST_RATIO = 1.5
 """Radius of the ball at a node over the largest radius there, before anything is built: two equal members at a right
 angle need as much."""
 
-ROUNDS = 4
+ROUNDS = 7
 """So often what is built is sized again. On the paper's problems nothing changes any more after two or three."""
 
 SETTLED = 0.02

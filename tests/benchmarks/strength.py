@@ -110,8 +110,8 @@ def sizing_gains(problem: mc.DesignProblem, design: mc.Design, sized: SizedTruss
         figures = measure(problem, strengthen(*part, replace(options, criterion="compliance"))[0])
         print(
             f"  sized by {by}, nodes from {node_ratio:g} radii: first yield x {report.failure_gain:.2f} as built "
-            f"(wanted {wanted}; the solid weighs x {heavier:.2f}; building it again changes {changes} places); for stiffness "
-            f"sqrt(CEV)/Michell {figures.michell:.3f} {'(1.35), ' if by == 'member' else ''}sum|N|L/V* "
+            f"(wanted {wanted}; the solid weighs x {heavier:.2f}; building it again changes {changes} places); "
+            f"for stiffness sqrt(CEV)/Michell {figures.michell:.3f} {'(1.35), ' if by == 'member' else ''}sum|N|L/V* "
             f"{figures.force_path:.3f}; {time.process_time() - start:.0f} CPU s",
             flush=True,
         )
