@@ -62,7 +62,7 @@ def make_solids(plan: ShellPlan, progress: Progress | None = None) -> tuple[list
 
     Returns the solids and the faces in the order of the plan (TopoDS handles).
     """
-    with _no_garbage_collection():
+    with no_garbage_collection():
         return _make_solids(plan, progress)
 
 
@@ -400,7 +400,7 @@ def explore(shape: Any, kind: Any) -> Iterator[Any]:
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
+def no_garbage_collection() -> Iterator[None]:
     """Keep Python from searching for cycles: among millions of new small objects that takes a third of the time."""
     enabled = gc.isenabled()
     gc.disable()

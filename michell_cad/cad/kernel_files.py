@@ -35,23 +35,10 @@ from OCP.TopTools import TopTools_IndexedMapOfShape
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
 from michell_cad.cad.kernel import compound, explore, is_valid, volume
+from michell_cad.cad.step_text import PROGRAM, Colour, Tag
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 
-Colour = tuple[float, float, float]
-
-PROGRAM = "michell_cad"
-"""Stands as the originating system in the header of STEP files."""
-
 UNWRITTEN = "the kernel could not write it all: is the disk full?"
-
-
-@dataclass(frozen=True)
-class Tag:
-    """What a face or a part is called: its name, its colour (sRGB), its layer."""
-
-    name: str
-    colour: Colour
-    layer: str
 
 
 @dataclass(frozen=True)

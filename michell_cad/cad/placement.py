@@ -24,8 +24,8 @@ MOST_NUDGES = 4
 GROWTH, MOST_GROWTH = 1.12, 2.0
 """A sphere without room for its seam grows by this factor, at most to this multiple (relative)."""
 
-WAIST, WAIST_STATIONS = 0.8, np.linspace(0.0, 1.0, 17)[1:-1]
-"""Least radius of a tube over the smallest of its three radii, and where it is looked at (relative)."""
+STATIONS = np.linspace(0, 1, 34)[1:-1]
+"""Where the radius along a member is looked at."""
 
 PHASES = np.linspace(0, 2 * np.pi, 25)[:-1]
 """Rotations of a member about itself that are tried to keep its seam away from the corners of its creases."""
@@ -71,15 +71,17 @@ def _fit_unfit(layout: Layout) -> set[int]:
     return set()
 
 
-def without_waists(radii: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Radii at start, middle and end with the middle raised where the member would be thinner elsewhere.
+def without_waist(radii: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """Radii at start, middle and end, with a middle so thick that the tube is nowhere thinner than these three.
 
-    A crease makes an end as thick as its rival's: the quartic that falls from there to a thin middle falls below it,
-    and even below zero. `WAIST` of the smallest of the three is kept at `WAIST_STATIONS`.
+    At a crease a thin member is as thick as its rival. On the way from there to its own radius `member_radius`
+    would fall below that by an eighth of the difference: more than there is, if the rival is ten times as thick.
     """
-    ends = member_radius((radii * [1, 0, 1])[:, None], WAIST_STATIONS)
-    bump = member_radius(np.array([0.0, 1.0, 0.0]), WAIST_STATIONS)
-    needed = ((WAIST * radii.min(1, keepdims=True) - ends) / bump).max(1)
+    r0, _, r2 = radii.T[..., None]
+    mean = (r0 + r2) / 2
+    base = member_radius(np.stack([r0, mean, r2], axis=-1), STATIONS)
+    bump = member_radius(np.array([0.0, 1.0, 0.0]), STATIONS)
+    needed = mean[:, 0] + ((radii.min(1)[:, None] - base) / bump).max(1)
     return np.stack([radii[:, 0], np.maximum(radii[:, 1], needed), radii[:, 2]], axis=1)
 
 
@@ -87,7 +89,7 @@ def _fit(layout: Layout, members: np.ndarray, phase: np.ndarray) -> Tubes:
     """Fit some tubes, and enter them."""
     sized = layout.sized
     ends = layout.sizes["end_radius"].reshape(-1, 2)[members]
-    radii = without_waists(np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1))
+    radii = without_waist(np.stack([ends[:, 0], sized.radii[members, 1], ends[:, 1]], axis=1))
     lines = Centerlines(layout.points[members], layout.directions[members])
     reach = layout.sizes["reach"].reshape(-1, 2)[members]
     nodes = sized.truss.nodes[sized.truss.members[members]]

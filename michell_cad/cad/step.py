@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Literal
 from michell_cad.arrays import require
 from michell_cad.cad.built import BuiltSolid
 from michell_cad.cad.shell_plan import FaceRole
-from michell_cad.cad.step_forecast import forecast_bytes
+from michell_cad.cad.step_forecast import forecast_bytes, forecast_kernel_bytes
+from michell_cad.cad.step_text import AP214, AP242, Schema, StepText, Tag
 from michell_cad.cad.swept_solid import SweptSolid
 from michell_cad.files import path_with_suffix, writing
 from michell_cad.palette import COLOURS, GROUPS, KEPT, NODES, group_colour
 
 if TYPE_CHECKING:
-    from michell_cad.cad.kernel_files import StepDocument, StepSummary, Tag
+    from michell_cad.cad.kernel_files import StepDocument, StepSummary
 
-SCHEMAS = {"AP214": "AP214IS", "AP242": "AP242DIS"}
-"""The kernel's names of the STEP schemas."""
+SCHEMAS = {"AP214": AP214, "AP242": AP242}
 
 FORMS = ("solid", "assembly")
 
@@ -47,7 +47,7 @@ def export_step(
     path : ends in .step or .stp.
     form : one of `FORMS`, see the module; default: the solid, or the assembly where there is no other form.
     schema : one of `SCHEMAS`.
-    pcurves : also write the edges in the parameters of their faces; the file becomes larger by half and no better.
+    pcurves : also write the edges in the parameters of their faces; the file becomes three times as large.
     progress : told the fraction of the work done.
 
     Raises
@@ -58,18 +58,18 @@ def export_step(
     GeometryKernelError
         If a part of an assembly is not valid.
     """
-    from michell_cad.cad.kernel_files import StepDocument, StepSettings
-
     path = path_with_suffix(path, ".step", ".stp")
     require(schema in SCHEMAS, f"schema must be one of {', '.join(SCHEMAS)}, found {schema!r}")
     form = _known_form(solid, form)
     tell = progress or (lambda fraction: None)
     with writing(path) as partial:
-        _require_space(path, forecast_step(solid, form, pcurves))
-        document = StepDocument()
-        (_fill_solid if form == "solid" else _fill_assembly)(document, solid)
-        tell(0.3)
-        document.write(partial, path.name, StepSettings(SCHEMAS[schema], pcurves))
+        text = _own_text(solid, form, pcurves, SCHEMAS[schema], lambda fraction: tell(0.9 * fraction))
+        _require_space(path, _forecast_kernel(solid, form, pcurves) if text is None else text.size)
+        if text is None:
+            _write_by_kernel(solid, partial, path.name, form, pcurves, SCHEMAS[schema])
+        else:
+            with partial.open("w", encoding="ascii") as stream:
+                stream.writelines(text.lines(path.name, SCHEMAS[schema]))
     tell(1.0)
 
 
@@ -82,10 +82,9 @@ def forecast_step(solid: BuiltSolid, form: str | None = None, pcurves: bool = Fa
         As for `export_step`.
     """
     form = _known_form(solid, form)
-    if form == "assembly":
-        parts = solid.assembly
-        return forecast_bytes([part.solid for part in parts], [part.name for part in parts], True, pcurves)
-    return forecast_bytes(solid.solids, [tag.name for tag in _face_tags(solid)], False, pcurves)
+    if form == "assembly" or pcurves:
+        return _forecast_kernel(solid, form, pcurves)
+    return forecast_bytes(solid.solids, [tag.name for tag in _face_tags(solid)])
 
 
 def read_step_summary(path: str | Path) -> "StepSummary":
@@ -95,16 +94,44 @@ def read_step_summary(path: str | Path) -> "StepSummary":
     return kernel_files.read_step_file(Path(path))
 
 
+def _own_text(
+    solid: BuiltSolid, form: str, pcurves: bool, schema: Schema, progress: Callable[[float], None]
+) -> StepText | None:
+    """The records of one solid per component; None for what the kernel has to write."""
+    if form != "solid" or pcurves:
+        return None
+    from michell_cad.cad.kernel_step import solid_text
+
+    return solid_text(solid.solids, _solid_names(solid), solid.faces, _face_tags(solid), schema, progress)
+
+
+def _write_by_kernel(solid: BuiltSolid, path: Path, name: str, form: str, pcurves: bool, schema: Schema) -> None:
+    from michell_cad.cad.kernel_files import StepDocument, StepSettings
+
+    document = StepDocument()
+    (_fill_solid if form == "solid" else _fill_assembly)(document, solid)
+    document.write(path, name, StepSettings(schema.kernel_name, pcurves))
+
+
+def _forecast_kernel(solid: BuiltSolid, form: str, pcurves: bool) -> int:
+    if form == "assembly":
+        parts = solid.assembly
+        return forecast_kernel_bytes([part.solid for part in parts], [part.name for part in parts], True, pcurves)
+    return forecast_kernel_bytes(solid.solids, [tag.name for tag in _face_tags(solid)], False, pcurves)
+
+
+def _solid_names(solid: BuiltSolid) -> list[str]:
+    n = len(solid.solids)
+    return ["truss"] if n == 1 else [f"truss {i + 1}" for i in range(n)]
+
+
 def _fill_solid(document: "StepDocument", solid: BuiltSolid) -> None:
-    names = ["truss"] if len(solid.solids) == 1 else [f"truss {i + 1}" for i in range(len(solid.solids))]
-    labels = [document.add_solid(one, name) for one, name in zip(solid.solids, names, strict=True)]
+    labels = [document.add_solid(*pair) for pair in zip(solid.solids, _solid_names(solid), strict=True)]
     for face, component, tag in zip(solid.faces, solid.face_component.tolist(), _face_tags(solid), strict=True):
         document.tag_face(labels[component], face, tag)
 
 
 def _fill_assembly(document: "StepDocument", solid: BuiltSolid) -> None:
-    from michell_cad.cad.kernel_files import Tag
-
     whole = document.add_assembly("truss")
     groups = {part.group for part in solid.assembly}
     labels = {group: document.add_assembly(group, whole) for group in GROUPS if group in groups}
@@ -127,9 +154,7 @@ def face_tags(solid: BuiltSolid) -> list[tuple[str, tuple[float, float, float], 
     return tags
 
 
-def _face_tags(solid: BuiltSolid) -> "list[Tag]":
-    from michell_cad.cad.kernel_files import Tag
-
+def _face_tags(solid: BuiltSolid) -> list[Tag]:
     return [Tag(*tag) for tag in face_tags(solid)]
 
 

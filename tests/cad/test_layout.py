@@ -9,12 +9,12 @@ from michell_cad.cad.carry import carry_over
 from michell_cad.cad.fidelity import curve_deviation
 from michell_cad.cad.layout import SHORTEST_TUBE, Layout, settle, start_layout
 from michell_cad.cad.nodes import cap_angle
-from michell_cad.cad.placement import WAIST, place, without_waists
+from michell_cad.cad.placement import place
 from michell_cad.cad.prepare import prepare_truss
 from michell_cad.cad.prepared import node_room
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.knobs import Knobs
-from michell_cad.truss import SizedTruss, Truss, member_radius
+from michell_cad.truss import SizedTruss, Truss
 from tests.cad.layouts import grid_truss, sized, star
 
 
@@ -134,14 +134,3 @@ def test_room_is_what_the_shortest_member_leaves() -> None:
     below, above = (prepare_truss(sized(truss, share * room.min()), Knobs()) for share in (0.99, 1.01))
     assert (below.layout.level == 0).all()
     assert (above.layout.level > 0).any()
-
-
-def test_thin_members_between_thick_ends_have_no_waist() -> None:
-    """From 4 to 0.5 mm with 0.5 in the middle the quartic falls to zero; raised, it keeps to the smallest radius."""
-    radii = np.array([[4.0, 0.5, 0.5], [1.0, 1.2, 0.9], [1.0, 0.5, 1.0]])
-    s = np.linspace(0, 1, 201)
-    assert member_radius(radii[:1, None], s).min() < 0.05
-    raised = without_waists(radii)
-    np.testing.assert_array_equal(raised[1:], radii[1:])
-    np.testing.assert_array_equal(raised[0, [0, 2]], radii[0, [0, 2]])
-    assert member_radius(raised[:1, None], s).min() == pytest.approx(WAIST * 0.5, rel=0.02)

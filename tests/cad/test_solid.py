@@ -326,7 +326,13 @@ def test_only_the_kernel_files_import_the_kernel() -> None:
         for p in root.rglob("*.py")
         if "import OCP" in p.read_text() or "from OCP" in p.read_text()
     ]
-    assert sorted(users) == ["cad/kernel.py", "cad/kernel_booleans.py", "cad/kernel_files.py", "cad/kernel_sweeps.py"]
+    assert sorted(users) == [
+        "cad/kernel.py",
+        "cad/kernel_booleans.py",
+        "cad/kernel_files.py",
+        "cad/kernel_step.py",
+        "cad/kernel_sweeps.py",
+    ]
 
 
 def test_kernel_loads_only_when_a_solid_is_made() -> None:

@@ -12,6 +12,7 @@ import pytest
 from michell_cad.cad import kernel, kernel_files, step_forecast
 from michell_cad.cad.solid import TrussSolid, build_solid
 from michell_cad.cad.step import export_step, forecast_step, read_step_summary
+from michell_cad.cad.step_text import StepText
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.palette import COLOURS
@@ -146,7 +147,7 @@ def test_the_header_says_what_it_is(step) -> None:
 
 def test_no_pcurves_and_small(solid, step) -> None:
     assert "PCURVE" not in step.read_text()
-    assert step.stat().st_size < 20_000 * solid.report.members
+    assert step.stat().st_size < 13_000 * solid.report.members
 
 
 def test_nothing_is_printed(solid, tmp_path, capfd) -> None:
@@ -156,17 +157,17 @@ def test_nothing_is_printed(solid, tmp_path, capfd) -> None:
     assert "AP242" in (tmp_path / "quiet.step").read_text()[:2000]
 
 
-def test_a_failed_file_is_not_left_behind(solid, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize(("writer", "form"), [(kernel_files.StepDocument, "assembly"), (StepText, "solid")])
+def test_a_failed_file_is_not_left_behind(solid, tmp_path, monkeypatch, writer, form) -> None:
     path = tmp_path / "truss.step"
     path.write_text("old")
 
-    def fail(_document, partial, *_args) -> None:
-        partial.write_text("half")
-        raise GeometryKernelError("the kernel fails")
+    def fail(*_args) -> None:
+        raise GeometryKernelError("the writer fails")
 
-    monkeypatch.setattr(kernel_files.StepDocument, "write", fail)
+    monkeypatch.setattr(writer, "write" if form == "assembly" else "lines", fail)
     with pytest.raises(GeometryKernelError):
-        export_step(solid, path)
+        export_step(solid, path, form)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["truss.step"]
 
