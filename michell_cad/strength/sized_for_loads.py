@@ -47,8 +47,9 @@ FIRST_RATIO = 1.5
 """Radius of the ball at a node over the largest radius there, before anything is built: two equal members at a right
 angle need as much."""
 
-ROUNDS = 7
-"""So often what is built is sized again. On the paper's problems nothing changes any more after two or three."""
+ROUNDS = 6
+"""So often what is built is sized again. After two or three rounds building changes no members any more; the balls, and
+with them the bending of thin members, go on changing a little."""
 
 SETTLED = 0.02
 """It is enough when the truss as built is weaker by less than this than sizing thought (relative)."""
