@@ -2,7 +2,7 @@
 stronger, and why.
 
     python tests/benchmarks/compare_all.py DIR [--only NAME ...] [--designs DIR] [--most 1500] [--volume-fraction 0.09]
-                                               [--criterion stress] [--node-ratio 1.3]
+                                               [--criterion stress] [--shear-limit 0.12] [--node-ratio 1.3]
 
 DIR holds the problems and `problems.json` with their resolutions. Designs are made, or read from NAME*.npz files of
 `--designs` that the design command wrote. Of every design each n-th curve is kept, n the least with at most `--most`
@@ -42,6 +42,7 @@ from michell_cad.strength import (
     straighten,
     strengthen,
 )
+from michell_cad.strength.braces import SHEAR_LIMIT
 from michell_cad.strength.comparison import regular_grid
 from michell_cad.strength.frame_buckling import frame_buckling
 from michell_cad.strength.mechanism import leave_out_loose_parts
@@ -62,7 +63,8 @@ CELLS = range(2, 61)
 
 @dataclass(frozen=True)
 class Figures:
-    """What a truss as built carries, and by what it fails first; factors are of the loads."""
+    """What a truss as built carries, and by what it fails first; factors are of the loads, `bending` is the share of
+    bending and torsion in the energy."""
 
     members: int
     volume: float
@@ -73,6 +75,7 @@ class Figures:
     frame: float
     residual: float
     force_path: float
+    bending: float
     cause: str
 
 
@@ -106,6 +109,7 @@ def measure(problem: mc.DesignProblem, sized: SizedTruss, knobs: mc.Knobs, volum
         frame=min((float(f[0]) for f in frames if len(f)), default=np.inf),
         residual=float(pin_joint_residual(sized.truss, plain).max()),
         force_path=float(np.einsum("cek,ek->c", N, model.weights).max()),
+        bending=float(solution.energies[own, :, 1].sum() / solution.energies[own].sum()),
         cause=first_to_fail(solution, yields, buckles, sized),
     )
 
@@ -162,6 +166,7 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
         size_by="member",
         criterion=arguments.criterion,
         braces=True,
+        shear_limit=arguments.shear_limit,
         volume_fraction=arguments.volume_fraction,
     )
     build = buildable(knobs)
@@ -179,8 +184,8 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
         f"  ours / grid: stiffness {stiff:.2f}, yield {a.first_yield / b.first_yield:.2f}, failure "
         f"{a.failure / b.failure:.2f}, tilted {a.tilted / b.tilted:.2f}, frame buckling {a.frame / b.frame:.2f}; "
         f"sizing gains {report.failure_gain:.2f}\n"
-        f"  cause: rms frame shear {shear:.2f}, pins miss {a.residual:.2f} / {b.residual:.2f}, sum|N|L "
-        f"{b.force_path / a.force_path:.2f} of the grid's less\n"
+        f"  cause: rms frame shear {shear:.2f}, pins miss {a.residual:.2f} / {b.residual:.2f}, share of "
+        f"bending in the energy {a.bending:.0%} / {b.bending:.0%}, sum|N|L {a.force_path / b.force_path:.2f}\n"
         f"         first of ours: {a.cause}\n"
         f"         first of grid: {b.cause}; {time.process_time() - start:.0f} CPU s",
         flush=True,
@@ -199,6 +204,7 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=1500)
     parser.add_argument("--volume-fraction", type=float, default=0.09)
     parser.add_argument("--criterion", choices=("stress", "compliance"), default="stress")
+    parser.add_argument("--shear-limit", type=float, default=SHEAR_LIMIT)
     parser.add_argument("--node-ratio", type=float, default=1.3)
     arguments = parser.parse_args()
     given = [entry["name"] for entry in json.loads((arguments.folder / "problems.json").read_text())]
