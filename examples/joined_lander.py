@@ -10,11 +10,11 @@ from pathlib import Path
 import build123d as bd
 
 import michell_cad as mc
-from michell_cad.edits import Join
+from michell_cad.edits import Join, Radius
 from michell_cad.job import Setup
 from michell_cad.stage_cache import StageCache
 
-radius = 1.2  # mm
+radius = 1.2  # mm, of all members
 design_files = ""  # several, separated by commas: the first takes on the others
 
 PARTS = (
@@ -38,7 +38,8 @@ if not files:
 
 design, knobs = mc.load_design(files[0])
 knobs = mc.change_knobs(knobs, {"radius": radius})
-structure = mc.EditList(tuple(Join(design=str(file)) for file in files[1:])).replay(design, knobs)
+joins = tuple(Join(design=str(file)) for file in files[1:])
+structure = mc.EditList(joins).then(Radius(to=radius)).replay(design, knobs)
 solid = mc.build_solid(mc.size_structure(structure), knobs)
 
 if __name__ == "__main__":

@@ -152,17 +152,28 @@ def strength(
 def compare(
     job: JobFile,
     cells: Annotated[str, typer.Option(help="Cells of the grids along the longest side of the part.")] = "4,6,8",
+    voxels: Annotated[int, typer.Option(min=0, help="Voxels of the stiffness bound, about; 0: no bound.")] = 8000,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for the figures and the voxels; default: none.")
+    ] = None,
+    force: Force = False,
 ) -> None:
-    """Put the truss of a job beside grids and a ground structure of the same amount of material; no files."""
-    from michell_cad.comparison_table import show_comparison
+    """Put the truss of a job beside grids, conforming cells, a ground structure and voxels of as much material."""
+    from michell_cad.comparison_table import compare_job, print_comparison, write_comparison
+    from michell_cad.delivery import require_place
 
     sizes = cells.split(",")
     if not all(size.strip().isdigit() and 1 <= int(size) <= 40 for size in sizes):
         raise InvalidInputError(f"--cells {cells}: expected whole numbers from 1 to 40 with commas, such as 4,6,8")
     console = _console()
+    if out is not None:
+        require_place(out, force)
     with _stage_bars(console) as progress:
-        show = show_comparison(job, tuple(int(size) for size in sizes), progress)
-    show(console)
+        comparison = compare_job(job, tuple(int(size) for size in sizes), voxels, progress)
+    print_comparison(comparison, console)
+    if out is not None:
+        write_comparison(comparison, out)
+        console.print(f"results: {out}", markup=False, highlight=False)
 
 
 @app.command()

@@ -60,7 +60,7 @@ def constant_frames(mesh: TetMesh, metric: Float[np.ndarray, "n_t 3 3"], count: 
         return add_tets(one_vertex, weights, A, w, gradient), gradient
 
     minima: list[tuple[float, np.ndarray]] = []
-    for R in _distinct(*_descend(_SphereFunction(A, weights), _rotation_grid()), count):
+    for R in _distinct(*_descend(_SphereFunction(A, weights), rotation_grid()), count):
         w = Rotation.from_matrix(R).as_rotvec()[None]
         w, report = minimize(energy, w, lambda g: g, iterations=_POLISH)
         minima.append((report.value, rotation_matrix(w[0])))
@@ -74,7 +74,7 @@ class _SphereFunction:
     def __init__(self, A: Float[np.ndarray, "n_t 3 3"], weights: Float[np.ndarray, " n_t"]) -> None:
         d = _DEGREE
         self._exponents = np.array([(i, j, d - i - j) for i in range(d + 1) for j in range(d + 1 - i)])
-        r = _rotation_grid().transpose(0, 2, 1).reshape(-1, 3)
+        r = rotation_grid().transpose(0, 2, 1).reshape(-1, 3)
         i, j = np.triu_indices(3)
         squares = (r[:, i] * r[:, j] * np.where(i == j, 1, 2)).T
         parts = [slice(first, first + _CHUNK) for first in range(0, len(A), _CHUNK)]
@@ -118,7 +118,7 @@ def _distinct(energies: np.ndarray, frames: np.ndarray, count: int) -> list[np.n
     return kept
 
 
-def _rotation_grid() -> Float[np.ndarray, "k 3 3"]:
+def rotation_grid() -> Float[np.ndarray, "k 3 3"]:
     """Rotations that cover the frames which Eq. 4 tells apart within 26 degrees, and come together with all that
     naming the axes differently makes of them, so that it does not matter which naming is at hand.
     """

@@ -68,6 +68,7 @@ class Curve:
     nodes : (k,) int, nodes in order along the curve. A closed curve does not repeat its first node.
     members : (k - 1,) int, or (k,) for a closed curve; member i joins nodes i and i + 1 (either direction).
     closed : whether the last member returns to the first node.
+    part : which of several joined trusses the curve is of, 0 for the one that the others were joined to.
     """
 
     kind: CurveKind
@@ -78,6 +79,7 @@ class Curve:
     nodes: Int[np.ndarray, " k"]
     members: Int[np.ndarray, " m"]
     closed: bool
+    part: int = 0
 
     def __post_init__(self) -> None:
         freeze(self, nodes=np.int64, members=np.int64)

@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,13 +22,12 @@ from michell_cad.cad import (
     forecast_step,
     keep_material,
 )
-from michell_cad.design_file import save_design
+from michell_cad.design_file import DESIGN_FILE, save_design
 from michell_cad.domain import Outline, Part, mesh_outline, read_outline
 from michell_cad.edits import (
     NO_EDITS,
     Attach,
     EditList,
-    PlateMesh,
     Structure,
     attachment_frames,
     build_sheets,
@@ -55,9 +54,9 @@ from michell_cad.truss_json import write_truss_json
 SOLID_STEM = "truss"
 """Files of the solid have this name and the extension of their format."""
 
-LAYOUT_FILE, DESIGN_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "design.npz", "preview.png", "report.json"
+LAYOUT_FILE, PICTURE_FILE, REPORT_FILE = "truss.json", "preview.png", "report.json"
 EDITS_FILE, SHEETS_FILE, ATTACHMENTS_FILE = "edits.toml", "sheets.step", "attachments.step"
-SHEET_COLOUR = (0.5, 0.7, 0.5)
+SHEET_COLOUR, ATTACHMENT_COLOUR = (0.5, 0.7, 0.5), (0.93, 0.78, 0.2)
 
 
 def deliver_job(
@@ -217,11 +216,9 @@ def write_results(
         write_truss_json(folder / LAYOUT_FILE, built, splines, knobs)
         save_design(folder / DESIGN_FILE, result, structure.knobs, edits, up, structure.kept, structure.sizing)
         if len(edits):
-            write_script(folder / EDITS_FILE, edits)
-        plates = build_sheets(structure)
-        extras = _write_extras(folder, structure, built, plates)
+            write_script(folder / EDITS_FILE, edits, structure.knobs.model_dump(mode="json", exclude_none=True))
+        extras, shown = _write_extras(folder, structure, built)
         if output.preview:
-            shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
             swept = _show_swept(solid) if knobs.swept else ()
             render_truss(folder / PICTURE_FILE, mesh, built, splines, up=up, solids=swept, others=shown)
     with _timed("strength", times, progress):
@@ -251,7 +248,7 @@ def _show_swept(solid: BuiltSolid) -> list[ShownMesh]:
 
 
 def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str, Any] | None, list[str]]:
-    if structure.others:
+    if structure.joined:
         return None, ["the strength of joined trusses is not computed: the loads are known of one part only"]
     design = structure.design
     part = design.problem, design.stress_field, design.parametrization
@@ -259,15 +256,20 @@ def _measure_strength(structure: Structure, solid: BuiltSolid) -> tuple[dict[str
     return strength_block(*part, solid.sized, solid.report.volume_mm3, solid.node_balls)
 
 
-def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates: Sequence[PlateMesh]) -> dict[str, Any]:
-    """Write what edits add to the truss (sheets, attachments); returns the report's blocks about it, and about tags."""
+def _write_extras(folder: Path, structure: Structure, built: SizedTruss) -> tuple[dict[str, Any], list[ShownMesh]]:
+    """Write what edits add to the truss (sheets, attachments).
+
+    Returns the report's blocks about it, and about tags; and what of it a picture shows.
+    """
     report: dict[str, Any] = {}
+    plates = build_sheets(structure)
+    shown = [ShownMesh("sheets", SHEET_COLOUR, plate.vertices, plate.triangles) for plate in plates]
     tags = tagged_members(structure, built.truss)
     if tags:
         report["tags"] = {name: np.flatnonzero(mine).tolist() for name, mine in tags.items()}
     attachments = structure.of_kind(Attach)
     if plates or attachments:
-        from michell_cad.cad.plates import export_shapes, place_copies, solid_of_plate
+        from michell_cad.cad.plates import export_shapes, mesh_copies, place_copies, solid_of_plate
     if plates:
         export_shapes([solid_of_plate(plate) for plate in plates], folder / SHEETS_FILE)
         report["sheets"] = [{"volume_mm3": plate.volume, "triangles": len(plate.triangles)} for plate in plates]
@@ -275,10 +277,12 @@ def _write_extras(folder: Path, structure: Structure, built: SizedTruss, plates:
         frames = [attachment_frames(structure, edit, built.truss) for edit in attachments]
         copies = [place_copies(edit.part, f) for edit, f in zip(attachments, frames, strict=True)]
         export_shapes(copies, folder / ATTACHMENTS_FILE)
+        meshes = [mesh_copies(edit.part, f) for edit, f in zip(attachments, frames, strict=True)]
+        shown += [ShownMesh("attachments", ATTACHMENT_COLOUR, *mesh) for mesh in meshes]
         report["attachments"] = [
             {"part": edit.part, "copies": len(f.origins)} for edit, f in zip(attachments, frames, strict=True)
         ]
-    return report
+    return report, shown
 
 
 def report_solid(solid: BuiltSolid) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 
 from michell_cad.arrays import require
 from michell_cad.building import Progress
-from michell_cad.delivery import DESIGN_FILE, require_place, write_results
-from michell_cad.design_file import load_saved
+from michell_cad.delivery import require_place, write_results
+from michell_cad.design_file import DESIGN_FILE, load_saved
 from michell_cad.edits import Attach, EditScript, change_knobs, read_script
 from michell_cad.files import writing_folder
 from michell_cad.output_section import OutputSection

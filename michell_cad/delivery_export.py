@@ -5,7 +5,6 @@ from pathlib import Path
 
 from michell_cad.building import Progress, build_united, size_finished
 from michell_cad.cad import BuiltSolid, ExportOptions, export_solid, forecast_step, format_of
-from michell_cad.delivery import DESIGN_FILE
 from michell_cad.design_file import open_structure
 from michell_cad.errors import InvalidInputError
 from michell_cad.files import writing_files
@@ -37,7 +36,7 @@ def export_design(
         raise InvalidInputError("the same file is named twice")
     path = Path(design_file)
     with writing_files(files) as partials:
-        structure = open_structure(path / DESIGN_FILE if path.is_dir() else path)
+        structure = open_structure(path)
         solid = build_united(structure, size_finished(structure), progress)
         for k, (name, file, partial) in enumerate(zip(formats, files, partials, strict=True)):
             if name == "step":

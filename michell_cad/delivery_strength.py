@@ -10,7 +10,7 @@ import numpy as np
 from michell_cad.arrays import require
 from michell_cad.building import Progress, build_united, size_finished
 from michell_cad.cad import BuiltSolid
-from michell_cad.delivery import DESIGN_FILE, require_place
+from michell_cad.delivery import require_place
 from michell_cad.design_file import load_saved
 from michell_cad.files import writing_folder
 from michell_cad.picture import StressedBalls, render_member_stress, render_solid_stress
@@ -24,7 +24,7 @@ from michell_cad.strength import (
 )
 from michell_cad.strength.beam_deck import write_beam_deck
 from michell_cad.strength.mechanism import leave_out_loose_parts
-from michell_cad.strength.solid import SolidCheck, SolidSolution, Surface, check_solid, write_solid_deck
+from michell_cad.strength.solid import SolidCheck, SolidSolution, check_solid, write_solid_deck
 from michell_cad.truss import SizedTruss, member_radius
 
 REPORT_FILE, PICTURE_FILE = "strength.json", "stress.png"
@@ -66,9 +66,9 @@ def deliver_strength(
     path, folder = Path(design_file), Path(folder)
     require(solid or size is None, "--size is that of the tets of the solid: give --solid as well")
     require_place(folder, force)
-    saved = load_saved(path / DESIGN_FILE if path.is_dir() else path)
+    saved = load_saved(path)
     structure = saved.replay()
-    require(not structure.others, "the strength of joined trusses is not known: the loads are those of one part only")
+    require(not structure.joined, "the strength of joined trusses is not known: the loads are those of one part only")
     design = structure.design
     with writing_folder(folder) as partial:
         built = build_united(structure, size_finished(structure), progress)
@@ -97,11 +97,6 @@ def deliver_strength(
     return report
 
 
-def surface_of(solid: BuiltSolid) -> Surface:
-    """The watertight mesh of a solid."""
-    return Surface(solid.mesh.vertices, solid.mesh.triangles)
-
-
 def _check(
     built: BuiltSolid,
     beams: BeamSolution,
@@ -110,7 +105,7 @@ def _check(
     size: float | None,
     progress: Progress,
 ) -> tuple[SolidCheck, SolidSolution]:
-    return check_solid(surface_of(built), beams, sized, loading, size, lambda f: progress("solid check", f))
+    return check_solid(built.mesh, beams, sized, loading, size, lambda f: progress("solid check", f))
 
 
 def _write_beam_decks(folder: Path, sized: SizedTruss, beams: BeamSolution, loading: TrussLoading) -> None:

@@ -31,6 +31,9 @@ from michell_cad.truss import CleaningReport, Truss, TrussOptions
 if TYPE_CHECKING:
     from michell_cad.cad import KeptSolid
 
+DESIGN_FILE = "design.npz"
+"""Its name in a folder of results."""
+
 FORMAT = "michell_cad.design"
 VERSION = 2
 """Version 2 has edits; a program that does not know them must not build the unedited truss instead."""
@@ -99,7 +102,7 @@ def save_design(
         "alignment": asdict(design.alignment),
         "times": [asdict(time) for time in design.times],
         "knobs": knobs.model_dump(mode="json"),
-        "edits": edits.plain(),
+        "edits": edits.located(),
         "kept": [one.name for one in kept],
         "sizing": None if sizing is None else asdict(sizing),
         "up": up,
@@ -188,6 +191,7 @@ def _unpack_kept(arrays: dict[str, np.ndarray], meta: dict[str, Any]) -> "tuple[
 
 
 def _read(path: Path, only_meta: bool = False) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    path = path / DESIGN_FILE if path.is_dir() else path
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             meta = json.loads(str(file["meta"]))

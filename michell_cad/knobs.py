@@ -215,8 +215,8 @@ def on_stride(curve: Curve, every: int, offset: int) -> bool:
     return all(value is None or (value + offset) % every == 0 for value in curve.isovalues)
 
 
-def default_radius(truss: Truss, knobs: Knobs) -> float:
-    """The radius that the knobs ask for, mm.
+def default_radius(spacing: float, knobs: Knobs) -> float:
+    """The radius that the knobs ask for, mm, at a cell edge of `spacing` mm.
 
     Raises
     ------
@@ -227,7 +227,7 @@ def default_radius(truss: Truss, knobs: Knobs) -> float:
         knobs.volume_fraction is None and knobs.mass is None,
         "knobs.volume_fraction and knobs.mass need the solid: find the radius by michell_cad.resolve_radius first",
     )
-    return DEFAULT_RADIUS_RATIO * truss.spacing if knobs.radius is None else knobs.radius
+    return DEFAULT_RADIUS_RATIO * spacing if knobs.radius is None else knobs.radius
 
 
 def size_members(truss: Truss, knobs: Knobs) -> SizedTruss:
@@ -241,7 +241,7 @@ def size_members(truss: Truss, knobs: Knobs) -> SizedTruss:
     InvalidInputError
         If the radius is too large for the cell edge of the truss.
     """
-    radius = default_radius(truss, knobs)
+    radius = default_radius(truss.spacing, knobs)
     largest = LARGEST_RADIUS_RATIO * truss.spacing / (1 + max(knobs.entasis, 0.0))
     name, found = ("radius", radius) if radius >= knobs.smallest_radius else ("smallest_radius", knobs.smallest_radius)
     require(

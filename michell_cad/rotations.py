@@ -1,4 +1,4 @@
-"""Rotations of three-space, vectorised: the exponential map."""
+"""Rotations of three-space, vectorised: the exponential map and its derivative."""
 
 import numpy as np
 from jaxtyping import Float
@@ -20,6 +20,20 @@ def rotation_matrix(w: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]
         R[..., i, j] = symmetric + a * component
         R[..., j, i] = symmetric - a * component
     return R
+
+
+def rotate_back(w: Float[np.ndarray, "*n 3"], v: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
+    """J' v with the right Jacobian J of the exponential map: the gradient by w of a function of R = exp [w]_x.
+
+    v is its gradient by d under R -> R exp [d]_x, and J = I - b [w]_x + e [w]_x^2 with b = (1 - cos t) / t^2,
+    e = (t - sin t) / t^3, t = |w|.
+    """
+    a, b = _coefficients(w)
+    t2 = np.einsum("...i,...i->...", w, w)
+    small = t2 < _SMALL_ANGLE**2
+    e = np.where(small, 1 / 6 - t2 / 120, (1 - a) / np.where(small, 1.0, t2))
+    c = np.cross(w, v)
+    return v + b[..., None] * c + e[..., None] * np.cross(w, c)
 
 
 def _coefficients(w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,15 @@ def box_mesh(cells: tuple[int, int, int], size: tuple[float, float, float] = (1.
     return TetMesh(vertices, np.concatenate(tets))
 
 
+def tube_mesh(cells: tuple[int, int, int], inner: float, outer: float, length: float) -> TetMesh:
+    """A tube along z: a box of cells along the radius, around and along the axis, bent until its ends meet."""
+    box = box_mesh(cells)
+    radius, angle = inner + (outer - inner) * box.vertices[:, 0], 2 * np.pi * box.vertices[:, 1]
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), length * box.vertices[:, 2]], axis=1)
+    _, first, inverse = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
+    return TetMesh(points[first], inverse.ravel()[box.tets])
+
+
 def joined_boxes(
     shift: tuple[float, float, float],
     cells: tuple[int, int, int] = (4, 2, 2),
@@ -42,6 +51,15 @@ def cantilever(cells: tuple[int, int, int] = (12, 6, 6), load: float = -100.0) -
     end = np.flatnonzero((mesh.vertices[mesh.boundary_triangles][:, :, 0] == 80).all(1))
     force = surface_force(mesh, end, np.array([0.0, 0.0, load]))
     return DesignProblem(mesh, ABS, fixed, (LoadCase("end", force),))
+
+
+def tension_bar(load: float = 50.0) -> DesignProblem:
+    """A 80 x 20 x 10 mm bar pulled in x, whose end slides on the wall: it may get thinner."""
+    mesh = box_mesh((8, 2, 2), (80.0, 20.0, 10.0))
+    at_wall = mesh.vertices[:, 0] == 0
+    fixed = np.stack([at_wall, mesh.vertices[:, 1] == 0, mesh.vertices[:, 2] == 0], axis=1)
+    end = np.flatnonzero((mesh.vertices[mesh.boundary_triangles][:, :, 0] == 80).all(1))
+    return DesignProblem(mesh, ABS, fixed, (LoadCase("end", surface_force(mesh, end, np.array([load, 0.0, 0.0]))),))
 
 
 def turned(problem: DesignProblem, Q: np.ndarray, scale: float = 1.0) -> DesignProblem:

@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "michell_cad"
 
 NUMERICS = (
     "arrays",
+    "closed_mesh",
     "compiled",
     "constant_frames",
     "curves",

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from designs import small_bar
 
-from michell_cad.building import Sizing, build_united, size_finished
+from michell_cad.building import Sizing, build_united, joining_notes, size_finished
 from michell_cad.edits import Edit, EditList, Entasis, Family, Radius, Structure, Tag
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs, entasis_weights
@@ -81,6 +81,17 @@ def test_an_edit_that_selects_nothing_or_too_much_says_so():
 
 
 def test_loads_of_joined_trusses_are_not_known():
-    structure = replace(Structure.of(BAR, KNOBS), others=(BAR.problem.mesh,), sizing=StrengthenOptions(size_by="curve"))
+    alone = replace(Structure.of(BAR, KNOBS), sizing=StrengthenOptions(size_by="curve"))
+    structure = replace(alone, joined=alone.pieces)
     with pytest.raises(InvalidInputError, match="one part only"):
         size_finished(structure)
+
+
+def test_a_joined_design_sized_for_its_loads_is_noted():
+    alone = Structure.of(BAR, KNOBS)
+    theirs = replace(alone, sizing=StrengthenOptions(size_by="curve")).pieces
+    (note,) = joining_notes(replace(alone, joined=theirs))
+    assert "were sized for its loads; here those of its knobs hold" in note
+    (note,) = joining_notes(replace(alone, joined=(replace(alone.pieces[0], density=7.8e-3),)))
+    assert "another density" in note
+    assert joining_notes(alone) == ()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from shapes import box_mesh
 
 FILES = {"truss.step", "truss.stl", "truss.glb", "truss.json", "design.npz", "preview.png", "report.json"}
@@ -223,11 +224,21 @@ def test_help_schema_and_wrong_words(folder):
 
 
 def test_compare_puts_rivals_side_by_side(folder):
-    done = run("compare", "job.toml", "--cells", "2", cwd=folder)
+    done = run("compare", "job.toml", "--cells", "2", "--voxels", "200", "--out", "rivals", cwd=folder)
     assert done.returncode == 0, done.stderr
-    for name in ("this truss", "grid 2x1x1 braced", "ground s. 2x1x1", "rms frame shear"):
+    names = ("this truss", "grid 2x1x1 braced", "hexes", "ground s. 2x1x1", "voxels, bound", "voxels, p = 3")
+    for name in (*names, "rms frame shear"):
         assert name in done.stdout
     assert "best" not in done.stdout
+    rows = json.loads((folder / "rivals" / "comparison.json").read_text())["rows"]
+    assert {row["name"] for row in rows} >= set(names)
+    assert rows[-1]["yield_factor"] is None
+    densities = np.load(folder / "rivals" / "voxels.npz")
+    full = trimesh.load(folder / "rivals" / "voxels.stl")
+    assert full.volume == pytest.approx((densities["density"] > 0.5).sum() * densities["edges"].prod(), rel=1e-5)
+    again = run("compare", "job.toml", "--out", "rivals", cwd=folder)
+    assert again.returncode == 2
+    assert "--out rivals exists" in again.stderr
     bad = run("compare", "job.toml", "--cells", "2,many", cwd=folder)
     assert bad.returncode == 2
     assert "expected whole numbers from 1 to 40" in bad.stderr

@@ -12,6 +12,7 @@ from designs import small_bar
 from michell_cad.cli_edit import read_knob_options
 from michell_cad.delivery_edit import deliver_edit
 from michell_cad.design_file import load_design, load_edits, save_design
+from michell_cad.edits import change_knobs, read_script
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
 from michell_cad.output_section import OutputSection
@@ -73,6 +74,9 @@ def test_knobs_and_a_script_make_new_results(folder):
     assert report["tags"]["oak"]
     names = {file.name for file in (folder / "new").iterdir()}
     assert {"truss.step", "design.npz", "edits.toml", "sheets.step"} <= names
+    script = read_script(folder / "new/edits.toml")
+    assert change_knobs(Knobs(), script.knobs) == Knobs.model_validate(knobs)
+    assert script.edits == load_edits(folder / "new")
     little = OutputSection(formats=(), preview=False)
     deliver_edit(folder / "new", folder / "back", {"entasis": 0.3}, undo=3, output=little)
     assert len(load_edits(folder / "back/design.npz")) == 0

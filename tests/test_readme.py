@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shapes import box_mesh
 
+import michell_cad as mc
 from michell_cad.cad.step import read_step_summary
 from michell_cad.cli import app
 from michell_cad.job import parse_job
@@ -28,18 +29,24 @@ def test_the_job_that_it_explains_is_a_job():
     assert job.load[0].force == (0.0, 0.0, -500.0)
 
 
-def test_the_python_program_writes_a_step_file(tmp_path, monkeypatch):
+def test_the_python_programs_write_step_files(tmp_path, monkeypatch):
     mesh = box_mesh((6, 3, 3), (0.06, 0.03, 0.03))
     force = np.where(mesh.vertices[:, :1] == 0.06, [[0.0, 0.0, -2.0]], 0.0)
     np.savez(tmp_path / "bar.npz", vertices=mesh.vertices, tets=mesh.tets, fixed=mesh.vertices[:, 0] == 0, force=force)
     (tmp_path / "bar.toml").write_text('[part]\nfile = "bar.npz"\n[options]\nresolution = 5\n')
-    (program,) = blocks("python")
+    program, editing = blocks("python")
     assert len([line for line in program.splitlines() if line]) == 5
     monkeypatch.chdir(tmp_path)
     exec(compile(program.replace("examples/bracket.toml", "bar.toml"), "README.md", "exec"), {})
-    summary = read_step_summary(tmp_path / "truss.step")
-    assert summary.solids == 1
-    assert summary.valid
+    (tmp_path / "bracket-truss").mkdir()
+    mc.save_design("bracket-truss/design.npz", mc.design_job("bar.toml"), mc.Knobs())
+    exec(compile(editing, "README.md", "exec"), {})
+    whole, edited = read_step_summary(tmp_path / "truss.step"), read_step_summary(tmp_path / "edited.step")
+    for summary in (whole, edited):
+        assert summary.solids == 1
+        assert summary.valid
+    assert edited.volume_mm3 > whole.volume_mm3
+    assert len(mc.load_edits("edited.npz")) == 1
 
 
 def test_its_commands_exist():

@@ -16,7 +16,6 @@ import numpy as np
 
 import michell_cad as mc
 from michell_cad.cad import build_solid
-from michell_cad.delivery_strength import surface_of
 from michell_cad.job import Setup
 from michell_cad.picture import render_solid_stress
 from michell_cad.strength import build_beam_model, carry_over_loads, solve_beams
@@ -70,7 +69,7 @@ def main() -> None:
             for balls in (None, joints)
         )
         start = time.process_time()
-        check, solution = check_solid(surface_of(solid), beams, sized, loading)
+        check, solution = check_solid(solid.mesh, beams, sized, loading)
         print(
             f"{name}: {len(sized.truss.members)} members of {r:.3g} mm, {check.tets:,} tets, "
             f"{time.process_time() - start:.0f} CPU s; compliance of beams over solid "

@@ -10,19 +10,24 @@ import numpy as np
 from build123d.topology import Shape
 from cadquery.occ_impl.shapes import shell as sewn
 from cadquery.occ_impl.shapes import solid as solid_from
+from jaxtyping import Float, Int
 
-from michell_cad.edits import Frames, PlateMesh
+from michell_cad.closed_mesh import ClosedMesh
+from michell_cad.edits import Frames
 from michell_cad.errors import GeometryKernelError, InvalidInputError
 from michell_cad.files import writing
 
 LARGEST_VOLUME_DIFFERENCE = 1e-6
 """Between a solid of flat faces and its mesh (relative): both are the same polyhedron."""
 
+DRAWN, DRAWN_ANGLE = 0.02, 0.5
+"""How far triangles that are drawn may be off (relative to the part's diagonal), and how far they may turn, radians."""
+
 SEWING = 0.05
 """Corners nearer than this are one when faces are sewn (relative to the shortest edge)."""
 
 
-def solid_of_plate(plate: PlateMesh) -> bd.Solid:
+def solid_of_plate(plate: ClosedMesh) -> bd.Solid:
     """The polyhedron of a closed mesh as a solid.
 
     Raises
@@ -48,6 +53,27 @@ def solid_of_plate(plate: PlateMesh) -> bd.Solid:
 
 def place_copies(shape: Any, frames: Frames) -> bd.Compound:
     """Copies of a build123d or CadQuery object, or of the part in a CAD file: its axes along those of each frame."""
+    one = _shape(shape)
+    places = [
+        bd.Plane(tuple(origin), x_dir=tuple(axes[:, 0]), z_dir=tuple(axes[:, 2])).location
+        for origin, axes in zip(np.asarray(frames.origins), np.asarray(frames.axes), strict=True)
+    ]
+    return bd.Compound([one.moved(place) for place in places])
+
+
+def mesh_copies(shape: Any, frames: Frames) -> tuple[Float[np.ndarray, "n 3"], Int[np.ndarray, "t 3"]]:
+    """Vertices and triangles of the same copies, coarse, to be drawn."""
+    one = _shape(shape)
+    corners, faces = one.tessellate(DRAWN * one.bounding_box().diagonal, DRAWN_ANGLE)
+    points, triangles = np.array([tuple(corner) for corner in corners]), np.array(faces, np.int64)
+    origins, axes = np.asarray(frames.origins), np.asarray(frames.axes)
+    placed = origins[:, None] + np.einsum("nij,kj->nki", axes, points)
+    numbers = len(points) * np.arange(len(origins))[:, None, None] + triangles
+    return placed.reshape(-1, 3), numbers.reshape(-1, 3)
+
+
+def _shape(shape: Any) -> Shape:
+    """A build123d or CadQuery object, or the part in a CAD file, as a shape of build123d."""
     if isinstance(shape, str | Path):
         path = Path(shape)
         if not path.is_file():
@@ -57,11 +83,7 @@ def place_copies(shape: Any, frames: Frames) -> bd.Compound:
         shape = shape.val()
     if isinstance(shape, cq.Shape):
         shape = Shape.cast(shape.wrapped)
-    places = [
-        bd.Plane(tuple(origin), x_dir=tuple(axes[:, 0]), z_dir=tuple(axes[:, 2])).location
-        for origin, axes in zip(np.asarray(frames.origins), np.asarray(frames.axes), strict=True)
-    ]
-    return bd.Compound([shape.moved(place) for place in places])
+    return shape
 
 
 def export_shapes(shapes: Sequence[Shape], path: str | Path) -> None:

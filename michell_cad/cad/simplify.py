@@ -249,6 +249,7 @@ def _rebuild(
             along[rows.offsets[c] : rows.offsets[c + 1]],
             members[starts[c] : starts[c + 1]],
             bool(rows.closed[c]),
+            curve.part,
         )
         for c, curve in enumerate(curves)
     )

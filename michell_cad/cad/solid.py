@@ -218,7 +218,7 @@ def _report(
             "members must be touching; use a smaller radius"
         )
     difference = abs(volume / mesh.volume - 1)
-    if not (min(volumes) > 0 and difference <= LARGEST_VOLUME_DIFFERENCE):  # true of what is no number, too
+    if not (min(volumes) > 0 and difference <= LARGEST_VOLUME_DIFFERENCE):  # a volume that is no number is none, too
         raise GeometryKernelError(
             f"the solid has {volume:.6g} mm^3, its direct mesh {mesh.volume:.6g} mm^3: "
             f"a difference of {difference:.2%} instead of at most {LARGEST_VOLUME_DIFFERENCE:.2%}; use a smaller radius"

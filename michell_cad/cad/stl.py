@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from michell_cad.arrays import require
 from michell_cad.cad.built import BuiltSolid
@@ -27,7 +28,19 @@ def export_stl(solid: BuiltSolid, path: str | Path, progress: Callable[[float], 
         mesh.is_watertight,
         f"an STL file needs a watertight mesh, this one has {len(mesh.open_triangles)} triangles with open edges",
     )
-    corners = mesh.vertices[mesh.triangles]
+    write_stl(path, mesh.vertices[mesh.triangles])
+    if progress is not None:
+        progress(1.0)
+
+
+def write_stl(path: Path, corners: Float[np.ndarray, "n 3 3"]) -> None:
+    """Write triangles as binary STL, coordinates in mm.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be written.
+    """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1, keepdims=True)
     records = np.zeros(len(corners), _RECORD)
@@ -37,5 +50,3 @@ def export_stl(solid: BuiltSolid, path: str | Path, progress: Callable[[float], 
         file.write(HEADER.ljust(80, b" "))
         file.write(np.uint32(len(records)).tobytes())
         file.write(records.tobytes())
-    if progress is not None:
-        progress(1.0)

@@ -66,7 +66,7 @@ class Sweep:
 
 def lay_sweeps(paths: Paths, truss: Truss) -> tuple[Sweep, ...]:
     """The sweeps along all paths."""
-    frames = _sections(paths, turn_profiles(paths, truss))
+    frames = lay_sections(paths, truss)
     sweeps = []
     for p, closed in enumerate(paths.closed.tolist()):
         mine = np.arange(paths.offsets[p], paths.offsets[p + 1])
@@ -86,9 +86,9 @@ def lay_sweeps(paths: Paths, truss: Truss) -> tuple[Sweep, ...]:
     return tuple(sweeps)
 
 
-def _sections(paths: Paths, normals: np.ndarray) -> np.ndarray:
-    """X, A and B at the stations, (n, 3, 3), in the mitre plane at kinks."""
-    T = paths.leaving
+def lay_sections(paths: Paths, truss: Truss) -> Float[np.ndarray, "n 3 3"]:
+    """X, A and B at the stations, in the mitre plane at kinks."""
+    T, normals = paths.leaving, turn_profiles(paths, truss)
     mitre = paths.arriving + T
     mitre /= np.linalg.norm(mitre, axis=1, keepdims=True)
     axes = np.stack([normals, np.cross(T, normals)], axis=1)

@@ -15,11 +15,12 @@ from michell_cad.edits.selections import (
     Label,
     Length,
     Near,
+    Part,
     Selection,
     Where,
 )
 from michell_cad.edits.sentences import selection_from
-from michell_cad.edits.sheets import AddSheet, PlateMesh, build_sheets
+from michell_cad.edits.sheets import AddSheet, build_sheets
 from michell_cad.edits.sizing import Entasis, Radius, resize_structure, size_structure
 from michell_cad.edits.snapping import Snap
 from michell_cad.edits.structure import DesignFields, Edit, Structure
@@ -46,7 +47,7 @@ __all__ = [
     "Label",
     "Length",
     "Near",
-    "PlateMesh",
+    "Part",
     "Radius",
     "Remove",
     "RemoveOpenEnds",

@@ -30,7 +30,7 @@ class AddStrut(Edit):
     reach: float | None = Field(default=None, gt=0, description="How far the nodes may be, mm; default: half a cell.")
 
     def apply(self, structure: Structure) -> Structure:
-        return AddCurve(through=self.between, reach=self.reach).apply(structure)
+        return _added(structure, self, self.between, loose=False)
 
 
 class AddCurve(Edit):
@@ -44,21 +44,33 @@ class AddCurve(Edit):
     loose: bool = Field(default=False, description="Whether the curve may end where there is no node.")
 
     def apply(self, structure: Structure) -> Structure:
-        truss = structure.truss
-        reach = REACH * truss.spacing if self.reach is None else self.reach
-        points = np.array(self.through)
-        away = np.linalg.norm(points[:, None] - truss.nodes, axis=2)
-        node = np.where(away.min(1) <= reach, away.argmin(1), -1)
-        for end in (0, -1):
-            require(
-                node[end] >= 0 or self.loose,
-                f"edit {self.do!r}: no node lies within {reach:.4g} mm of {self.through[end]}, the nearest is "
-                f"{away[end].min():.4g} mm away; move the point, raise reach, or set loose = true",
-            )
-        truss, node = _with_ends(truss, points, node)
-        stops = [k for k in range(len(points)) if node[k] >= 0 and (k == 0 or node[k] != node[k - 1])]
-        require(len(stops) > 1, f"edit {self.do!r}: all points mean the same node; move them apart")
-        return structure.with_truss(_add(truss, points, node, stops, self.do))
+        return _added(structure, self, self.through, self.loose)
+
+
+def _added(structure: Structure, edit: AddStrut | AddCurve, through: tuple[Point, ...], loose: bool) -> Structure:
+    """The structure with a curve through points."""
+    truss = structure.truss
+    reach = REACH * truss.spacing if edit.reach is None else edit.reach
+    points = np.array(through)
+    away = np.linalg.norm(points[:, None] - truss.nodes, axis=2)
+    node = np.where(away.min(1) <= reach, away.argmin(1), -1)
+    remedy = (
+        "move the point, or raise reach" if isinstance(edit, AddStrut) else "move it, raise reach, or set loose = true"
+    )
+    for end in (0, -1):
+        require(
+            node[end] >= 0 or loose,
+            f"edit {edit.do!r}: no node lies within {reach:.4g} mm of {through[end]}, the nearest is at "
+            f"{_text(truss.nodes[away[end].argmin()])}, {away[end].min():.4g} mm away; {remedy}",
+        )
+    truss, node = _with_ends(truss, points, node)
+    stops = [k for k in range(len(points)) if node[k] >= 0 and (k == 0 or node[k] != node[k - 1])]
+    require(len(stops) > 1, f"edit {edit.do!r}: all points mean the same node; move them apart")
+    return structure.with_truss(_add(truss, points, node, stops, edit.do))
+
+
+def _text(point: np.ndarray) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in point)})"
 
 
 def _with_ends(truss: Truss, points: np.ndarray, node: np.ndarray) -> tuple[Truss, np.ndarray]:

@@ -22,6 +22,10 @@ SAMPLES = 64
 """Points on each piece of a spline; the arc length of a piece that turns by 60 degrees then errs by 1e-5."""
 
 
+MOST_COPIES = 20_000
+"""Copies of one attachment: a part of ten faces then fills a STEP file of hundreds of MB."""
+
+
 @dataclass(frozen=True, eq=False)
 class Frames:
     """Places with axes.
@@ -49,7 +53,13 @@ class Attach(SelectingEdit):
 
     def apply(self, structure: Structure) -> Structure:
         require(any(self.up), "edit 'attach': up must not be the zero vector")
-        self.curves(structure.truss)
+        truss, mine = structure.truss, self.curves(structure.truss)
+        along = sum(truss.lengths[c.members].sum() for c, chosen in zip(truss.curves, mine, strict=True) if chosen)
+        require(
+            along / self.spacing <= MOST_COPIES,
+            f"edit 'attach': a spacing of {self.spacing:.3g} mm along {along:.4g} mm of curves makes "
+            f"{along / self.spacing:.3g} copies, more than {MOST_COPIES}; use a larger spacing or fewer curves",
+        )
         return structure.with_note(self)
 
 

@@ -95,6 +95,10 @@ class EditList:
         """The edits as tables of plain values."""
         return [edit.plain() for edit in self.edits]
 
+    def located(self) -> list[dict[str, Any]]:
+        """The same as `plain`, with whole paths in place of those relative to the current folder, to be saved."""
+        return _located(self.plain(), Path.cwd())
+
     @staticmethod
     def of(tables: Sequence[Mapping[str, Any]], name: str = "edits") -> "EditList":
         """The edits that tables of plain values mean; `name` is for messages."""
@@ -132,21 +136,25 @@ def read_script(path: str | Path) -> EditScript:
     require(isinstance(data, dict), f"{path}: an edit script is a table with [knobs] and [[edit]]")
     version = data.get("version", VERSION)
     require(
-        isinstance(version, int) and version <= VERSION,
+        isinstance(version, int) and not isinstance(version, bool) and version >= 1,
+        f"{path}: version = {version!r} is none of an edit script; write version = {VERSION}",
+    )
+    require(
+        version <= VERSION,
         f"{path}: edit script of version {version!r}, this program reads up to {VERSION}: install a newer michell_cad",
     )
     unknown = sorted(set(data) - {"version", "knobs", "edit"})
     require(not unknown, f"{path}: unknown key {', '.join(unknown)}; a script has version, [knobs] and [[edit]]")
     require(isinstance(data.get("edit", []), list), f"{path}: write [[edit]], with two brackets: there may be several")
     knobs = data.get("knobs", {})
-    if isinstance(knobs, dict):
-        knobs = with_profile_file(knobs, path.parent)
-    return EditScript(knobs, EditList.of(_located(data.get("edit", []), path.parent), str(path)))
+    require(isinstance(knobs, dict), f"{path}: [knobs] is a table such as radius = 1.2, found {knobs!r}")
+    folder = path.parent.absolute()
+    return EditScript(with_profile_file(knobs, folder), EditList.of(_located(data.get("edit", []), folder), str(path)))
 
 
 def write_script(path: str | Path, edits: EditList, knobs: Mapping[str, Any] | None = None) -> None:
     """Write a script; .json as JSON, else TOML. The file is there whole or not at all."""
-    path, tables = Path(path), edits.plain()
+    path, tables = Path(path), edits.located()
     if path.suffix == ".json":
         text = json.dumps({"version": VERSION, "knobs": dict(knobs or {}), "edit": tables}, indent=1) + "\n"
     else:
@@ -197,7 +205,9 @@ def _located(value: Any, folder: Path) -> Any:
         return [_located(item, folder) for item in value]
     if isinstance(value, dict):
         return {
-            key: str(folder / item) if key in _PATH_KEYS and isinstance(item, str) else _located(item, folder)
+            key: str((folder / item).resolve())
+            if key in _PATH_KEYS and isinstance(item, str)
+            else _located(item, folder)
             for key, item in value.items()
         }
     return value

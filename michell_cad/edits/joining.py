@@ -1,8 +1,8 @@
 """Joining two trusses at the common face of their parts, so that their nodes meet there (Arora et al. 2019, Figure 17).
 
 The first truss keeps its net on the common face. Of the second one what runs in the face goes, and the nodes in which
-its other members end there move to nodes of the first, each to one of its own, so that the sum of the squared ways is
-least. What finds no node within reach is taken off.
+its other members end there move to nodes of the first, each to one of its own: those that meet already stay, and the
+sum of the squared ways of the others is least. What finds no node within reach is taken off.
 """
 
 from collections import Counter
@@ -11,13 +11,14 @@ from typing import Literal
 
 import igl
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from pydantic import Field
 from scipy.optimize import linear_sum_assignment
 
 from michell_cad.arrays import require
 from michell_cad.curves import Curve
-from michell_cad.edits.structure import Edit, Structure
+from michell_cad.edits.sheets import AddSheet
+from michell_cad.edits.structure import Edit, SelectingEdit, Structure
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import NodeKind, Truss, keep_members, without_loose
 
@@ -34,8 +35,9 @@ REACH = 1.0
 class Join(Edit):
     """The truss of another design, with its own knobs and edits, joined to this one.
 
-    Its curves are chosen and edited as its own file says, and what it keeps is kept; radii, tags, sheets and
-    attachments are those of this design.
+    Its curves are chosen, edited and sized as its own file says, and its tags, sheets, attachments and what it keeps
+    come along. Edits that stand before this one in the list are about the structure without it, later ones about all.
+    Node and fillet ratio and the profile are of the whole solid, so that they are those of this design.
     """
 
     do: Literal["join"] = "join"
@@ -46,14 +48,29 @@ class Join(Edit):
         from michell_cad.design_file import open_structure  # which knows all edits, this one among them
 
         other = open_structure(self.design)
-        mesh = other.fields.mesh
-        truss = join_trusses(structure.truss, structure.whole_mesh, other.truss, mesh, self.reach)
+        first, count = len(structure.pieces), len(other.pieces)
+        curves = tuple(replace(curve, part=curve.part + first) for curve in other.truss.curves)
+        second = replace(other.truss, curves=curves)
+        truss = join_trusses(structure.truss, structure.whole_mesh, second, other.whole_mesh, self.reach)
+        mine = [_about(edit, 0, range(first)) for edit in structure.noted]
+        theirs = [_about(edit, first, range(first, first + count)) for edit in other.noted]
+        # What they say of curves in the common face, which go, is void.
+        theirs = [edit for edit in theirs if not isinstance(edit, SelectingEdit) or edit.where.members(truss).any()]
         kept = tuple(replace(one, name=f"joined {one.name}") for one in other.whole_kept)
         return replace(
             structure.with_truss(truss),
-            others=(*structure.others, mesh, *other.others),
+            noted=(*mine, *theirs),
+            joined=(*structure.joined, *other.pieces),
             kept_of_others=(*structure.kept_of_others, *kept),
         )
+
+
+def _about(edit: Edit, shift: int, parts: range) -> Edit:
+    """A noted edit in a structure where its parts have higher numbers, about these only."""
+    if isinstance(edit, SelectingEdit):
+        shifted: SelectingEdit = edit.model_copy(update={"where": edit.where.shifted(shift)})
+        return shifted.narrowed(parts)
+    return edit.model_copy(update={"part": edit.part + shift}) if isinstance(edit, AddSheet) else edit
 
 
 def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh, reach: float | None = None) -> Truss:
@@ -84,7 +101,10 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     across = np.asarray(~in_face[second.members].all(1))
     guests = np.intersect1d(np.flatnonzero(in_face), second.members[across])
     away = np.linalg.norm(second.nodes[guests, None] - first.nodes[hosts], axis=2)
-    rows, columns = linear_sum_assignment(np.minimum(away, 2 * reach) ** 2)
+    cost = np.minimum(away, 2 * reach) ** 2
+    # Worth more than all others together: a sharp edge that goes on behind the face is not bent to spare others a way.
+    cost[_meeting(away, ON_FACE * spacing)] = -4 * reach**2 * len(guests)
+    rows, columns = linear_sum_assignment(cost)
     near = away[rows, columns] <= reach
     require(
         near.any(),
@@ -95,6 +115,12 @@ def join_trusses(first: Truss, part: TetMesh, second: Truss, other_part: TetMesh
     partner[guests[rows[near]]] = hosts[columns[near]]
     left = without_loose(second, across, stays=(second.degrees <= 1) | (partner >= 0))
     return _unite(first, *_cut(second, left, partner))
+
+
+def _meeting(away: Float[np.ndarray, "g h"], distance: float) -> Bool[np.ndarray, "g h"]:
+    """Pairs that meet already: nearer than a distance, and each the nearest of the other."""
+    nearest = (away == away.min(1, keepdims=True)) & (away == away.min(0, keepdims=True))
+    return nearest & (away <= distance)
 
 
 def _overlap(part: TetMesh, other: TetMesh) -> float:

@@ -14,6 +14,7 @@ SELECTION = "Selection"
 _SELECTION_REF = {"$ref": f"#/$defs/{SELECTION}"}
 _POINT = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
 _LIST = {"type": "array", "items": _SELECTION_REF, "minItems": 1}
+_NUMBER = {"type": "integer", "minimum": 0}
 _NAME = {"type": "string", "enum": list(FAMILIES)}
 
 
@@ -62,6 +63,10 @@ def _selection_schema() -> dict[str, Any]:
         ),
         "every": ("Every n-th curve by its label.", {"type": "integer", "minimum": 1}),
         "offset": ("With every: shift of the labels.", {"type": "integer"}),
+        "part": (
+            "Curves of some of several joined trusses: 0 is this design, 1 the first that was joined to it.",
+            {"anyOf": [_NUMBER, {"type": "array", "items": _NUMBER, "minItems": 1}]},
+        ),
         "length": (
             "Curves between two lengths, mm; one number: at least so long.",
             {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 1, "maxItems": 2},

@@ -45,6 +45,10 @@ class Selection(ABC):
     def plain(self) -> dict[str, Any]:
         """The selection as a table of plain values, see `sentences`."""
 
+    def shifted(self, by: int) -> "Selection":
+        """The same of a truss whose parts have numbers higher by `by`, see `Part`."""
+        return self
+
     def __and__(self, other: "Selection") -> "Selection":
         return AllOf((self, other))
 
@@ -141,15 +145,22 @@ class Label(_OfCurves):
 
     def __post_init__(self) -> None:
         require(
-            self.coordinate in (0, 1, 2) or self.coordinate in FAMILIES[:3],
+            not isinstance(self.coordinate, bool) and self.coordinate in (0, 1, 2, *FAMILIES[:3]),
             f"coordinate must be 0, 1, 2 or a family that runs along it, found {self.coordinate!r}",
         )
         require(self.low <= self.high, f"label range must ascend, found {self.low} to {self.high}")
 
     def curves(self, truss: Truss) -> np.ndarray:
-        axis = coordinate_of(truss, self.coordinate)
-        values = [curve.isovalues[axis] for curve in truss.curves]
+        values = [curve.isovalues[axis] for curve, axis in zip(truss.curves, self._axes(truss), strict=True)]
         return np.array([v is not None and self.low <= v <= self.high for v in values], bool)
+
+    def _axes(self, truss: Truss) -> list[int]:
+        """The coordinate for each curve: a family may run along another one in each of several joined parts."""
+        if isinstance(self.coordinate, int):
+            return [self.coordinate] * len(truss.curves)
+        axes = {curve.part: curve.axis for curve in truss.curves if curve.family == self.coordinate}
+        require(axes, f"coordinate {self.coordinate!r}: the truss has no curve of that family")
+        return [axes.get(curve.part, curve.axis) for curve in truss.curves]
 
     def plain(self) -> dict[str, Any]:
         return {"label": [self.low, self.high], "coordinate": self.coordinate}
@@ -178,6 +189,25 @@ class Every(_OfCurves):
 
     def plain(self) -> dict[str, Any]:
         return {"every": self.n} | ({"offset": self.offset} if self.offset else {})
+
+
+@dataclass(frozen=True)
+class Part(_OfCurves):
+    """Curves of some of several joined trusses: 0 is the one to which the others were joined, 1 the first of these."""
+
+    numbers: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        require(self.numbers and min(self.numbers) >= 0, f"parts count from 0, found {list(self.numbers)}")
+
+    def curves(self, truss: Truss) -> np.ndarray:
+        return np.array([curve.part in self.numbers for curve in truss.curves], bool)
+
+    def plain(self) -> dict[str, Any]:
+        return {"part": self.numbers[0] if len(self.numbers) == 1 else list(self.numbers)}
+
+    def shifted(self, by: int) -> Selection:
+        return Part(tuple(number + by for number in self.numbers))
 
 
 @dataclass(frozen=True)
@@ -289,6 +319,9 @@ class AllOf(Selection):
     def plain(self) -> dict[str, Any]:
         return {"all": [part.plain() for part in self.parts]}
 
+    def shifted(self, by: int) -> Selection:
+        return AllOf(tuple(part.shifted(by) for part in self.parts))
+
 
 @dataclass(frozen=True)
 class AnyOf(Selection):
@@ -304,6 +337,9 @@ class AnyOf(Selection):
 
     def plain(self) -> dict[str, Any]:
         return {"any": [part.plain() for part in self.parts]}
+
+    def shifted(self, by: int) -> Selection:
+        return AnyOf(tuple(part.shifted(by) for part in self.parts))
 
 
 @dataclass(frozen=True)
@@ -321,14 +357,8 @@ class NotOf(Selection):
     def plain(self) -> dict[str, Any]:
         return {"not": self.part.plain()}
 
-
-def coordinate_of(truss: Truss, coordinate: int | str) -> int:
-    """The coordinate itself, or the one along which the curves of a family run."""
-    if isinstance(coordinate, int):
-        return coordinate
-    axes = {curve.axis for curve in truss.curves if curve.family == coordinate}
-    require(axes, f"coordinate {coordinate!r}: the truss has no curve of that family")
-    return min(axes)
+    def shifted(self, by: int) -> Selection:
+        return NotOf(self.part.shifted(by))
 
 
 def as_point(value: Any, name: str) -> Point:

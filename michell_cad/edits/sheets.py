@@ -5,8 +5,6 @@ its middle. It is carried on a little beyond the part on all sides and then cut 
 boolean, so that its rim lies on the part.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import igl
@@ -15,7 +13,8 @@ from jaxtyping import Float, Int
 from manifold3d import Error, Manifold, Mesh64
 from pydantic import Field, model_validator
 
-from michell_cad.arrays import freeze, require
+from michell_cad.arrays import require
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.edits.structure import Edit, Structure
 from michell_cad.errors import GeometryKernelError
 from michell_cad.tet_mesh import TetMesh
@@ -23,37 +22,15 @@ from michell_cad.tet_mesh import TetMesh
 COARSEST = 0.02
 """Triangles are merged where that moves the plate by less (relative to its thickness)."""
 
+MOST_PASSES = 8
+"""Of merging triangles; two to six are enough."""
+
 GENERIC = 1e-3
 """A vertex of the mesh nearer to the value than this (in cells) counts as that far above it: an isosurface through
 vertices has triangles without area, and thus without a normal."""
 
 RIM = 1.5
 """The plate is carried on beyond the part by this multiple of its thickness before it is cut."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlateMesh:
-    """A closed triangle mesh: vertices (n, 3) in mm, triangles (t, 3) counter-clockwise seen from outside."""
-
-    vertices: Float[np.ndarray, "n 3"]
-    triangles: Int[np.ndarray, "t 3"]
-
-    def __post_init__(self) -> None:
-        freeze(self, vertices=np.float64, triangles=np.int64)
-
-    @cached_property
-    def volume(self) -> float:
-        """Enclosed volume, mm^3."""
-        a, b, c = (self.vertices - self.vertices.mean(0))[self.triangles].transpose(1, 0, 2)
-        return float(np.einsum("td,td->", a, np.cross(b, c)) / 6)
-
-    @cached_property
-    def open_edges(self) -> int:
-        """Number of directed edges without their opposite; 0 for a watertight mesh."""
-        t = self.triangles
-        edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
-        n = len(self.vertices)
-        return len(np.setxor1d(edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]))
 
 
 class AddSheet(Edit):
@@ -65,8 +42,10 @@ class AddSheet(Edit):
     )
     low: float = Field(description="First value; with an equal `high` the only one, whole or not.")
     high: float = Field(description="Last value; in between every whole value gets a sheet.")
-    every: int = Field(default=1, ge=1, description="Only the multiples of this.")
+    every: int = Field(default=1, ge=1, description="Only the values that plus `offset` are multiples of this.")
+    offset: int = Field(default=0, description="Shift of the values.")
     thickness: float = Field(gt=0, description="Thickness of the plates, mm.")
+    part: int = Field(default=0, ge=0, description="Of several joined parts: 0 is this design, 1 the first joined.")
 
     @model_validator(mode="after")
     def _ascending(self) -> "AddSheet":
@@ -76,19 +55,23 @@ class AddSheet(Edit):
             raise ValueError(f"coordinate must be 0, 1, 2 or a family, found {self.coordinate}")
         return self
 
-    @property
-    def values(self) -> list[float]:
-        """The values of the coordinate that get a sheet."""
+    def values_in(self, phi: Float[np.ndarray, " n_v"]) -> list[float]:
+        """The values that get a sheet where the coordinate is phi: those through the part."""
         if self.low == self.high:
-            return [self.low]
-        whole = range(int(np.ceil(self.low)), int(np.floor(self.high)) + 1)
-        return [float(value) for value in whole if value % self.every == 0]
+            values = [self.low]
+        else:
+            low, high = max(self.low, float(phi.min())), min(self.high, float(phi.max()))
+            whole = range(int(np.ceil(low)), int(np.floor(high)) + 1)
+            values = [float(value) for value in whole if (value + self.offset) % self.every == 0]
+        return [value for value in values if phi.min() < value < phi.max()]
 
     def apply(self, structure: Structure) -> Structure:
-        fields = structure.fields
+        pieces = structure.pieces
+        require(self.part < len(pieces), f"edit 'sheet': there is no part {self.part}: the {len(pieces)} count from 0")
+        fields = pieces[self.part].fields
         phi = fields.levels[:, fields.axis(self.coordinate)]
         require(
-            any(phi.min() < value < phi.max() for value in self.values),
+            self.values_in(phi),
             f"edit 'sheet': no isosurface of coordinate {self.coordinate} between {self.low:g} and {self.high:g}; "
             f"it runs from {phi.min():.2f} to {phi.max():.2f} in this part",
         )
@@ -99,19 +82,18 @@ class AddSheet(Edit):
         return structure.with_note(self)
 
 
-def build_sheets(structure: Structure) -> list[PlateMesh]:
+def build_sheets(structure: Structure) -> list[ClosedMesh]:
     """All plates of a structure, one for each connected piece of an isosurface."""
-    fields = structure.fields
     plates = []
     for edit in structure.of_kind(AddSheet):
+        fields = structure.pieces[edit.part].fields
         phi = fields.levels[:, fields.axis(edit.coordinate)]
-        for value in edit.values:
-            if phi.min() < value < phi.max():
-                plates += build_plates(fields.mesh, phi, value, edit.thickness)
+        for value in edit.values_in(phi):
+            plates += build_plates(fields.mesh, phi, value, edit.thickness)
     return plates
 
 
-def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, thickness: float) -> list[PlateMesh]:
+def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, thickness: float) -> list[ClosedMesh]:
     """Plates of a thickness (mm) around the pieces of the isosurface {phi = value}, trimmed by the part.
 
     Raises
@@ -124,14 +106,14 @@ def build_plates(mesh: TetMesh, phi: Float[np.ndarray, " n_v"], value: float, th
     part = _manifold(mesh.vertices, mesh.boundary_triangles)
     middles = points[triangles].mean(1)
     plates = []
-    for piece in (blank ^ part).simplify(COARSEST * thickness).decompose():
+    for piece in _simplified(blank ^ part, COARSEST * thickness).decompose():
         made = piece.to_mesh64()
-        plate = PlateMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
+        plate = ClosedMesh(np.asarray(made.vert_properties)[:, :3], np.asarray(made.tri_verts).astype(np.int64))
         # Beyond its rim the blank can cut the part once more: such a piece holds nothing of the isosurface.
         inside = np.asarray(igl.fast_winding_number(plate.vertices, plate.triangles, middles)) > 0.5
         if inside.any():
             plates.append(plate)
-    if not plates or any(plate.open_edges or plate.volume <= 0 for plate in plates):
+    if not plates or any(not plate.is_watertight or plate.volume <= 0 for plate in plates):
         raise GeometryKernelError(f"the sheet at {value:g} does not come out closed; use a smaller thickness")
     return plates
 
@@ -216,6 +198,20 @@ def _with_rim(points: np.ndarray, triangles: np.ndarray, width: float) -> tuple[
     c, d = len(points) + number.reshape(-1, 2).T
     flaps = np.concatenate([np.stack([b, a, c], 1), np.stack([b, c, d], 1)])
     return np.concatenate([points, points[ends] + width * away]), np.concatenate([triangles, flaps])
+
+
+def _simplified(made: Manifold, tolerance: float) -> Manifold:
+    """The mesh with fewer triangles, off by about a tolerance.
+
+    One pass leaves slivers among the edges that the boolean cut, thinner than the CAD kernel can tell apart: edges
+    are fixed where they divide triangles of different origin, and collapsing some makes others short.
+    """
+    made, before = made.as_original(), 0
+    for _ in range(MOST_PASSES):
+        if made.num_tri() == before:
+            break
+        before, made = made.num_tri(), made.simplify(tolerance)
+    return made
 
 
 def _manifold(vertices: np.ndarray, triangles: np.ndarray) -> Manifold:

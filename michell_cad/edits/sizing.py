@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import igl
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from pydantic import Field, model_validator
 from scipy.spatial import KDTree
 
@@ -61,8 +61,13 @@ class Radius(SelectingEdit):
         base = self.to if self.to is not None else (self.times or 1.0) * given[mine]
         factor = np.ones((int(mine.sum()), 3))
         if self.over is not None:
-            x = _MEASURES[self.over](structure.truss, structure.fields)[mine]
-            factor = np.interp(x, np.linspace(0, 1, len(self.values)), self.values)
+            part = part_of_member(structure.truss)
+            x = np.zeros((len(part), 3))
+            for number in np.unique(part[mine]):
+                x[part == number] = _MEASURES[self.over](structure.truss, structure.pieces[number].fields)[
+                    part == number
+                ]
+            factor = np.interp(x[mine], np.linspace(0, 1, len(self.values)), self.values)
         radii = radii.copy()
         radii[mine] = base * factor
         return radii
@@ -80,16 +85,24 @@ class Entasis(SelectingEdit):
 
 
 def size_structure(structure: Structure, knobs: Knobs | None = None) -> SizedTruss:
-    """Give every member of a structure its radius, by the knobs (default: the structure's) and then the edits.
+    """Give every member of a structure its radius, by the knobs of its part and then the edits.
+
+    Parameters
+    ----------
+    structure : Structure
+    knobs : of the structure itself; default: its own. Parts that were joined to it have knobs of their own.
 
     Raises
     ------
     InvalidInputError
         If a selection is empty by now, or a radius is too large for the cell edge of the truss.
     """
-    truss, knobs = structure.truss, knobs or structure.knobs
-    given = np.full((len(truss.members), 3), default_radius(truss, knobs))
-    return _edit_radii(structure, SizedTruss(truss, given), knobs, knobs.entasis)
+    structure = structure if knobs is None else replace(structure, knobs=knobs)
+    truss, part = structure.truss, part_of_member(structure.truss)
+    radius = np.array([default_radius(piece.fields.spacing, piece.knobs) for piece in structure.pieces])
+    entasis = np.array([piece.knobs.entasis for piece in structure.pieces])
+    given = np.repeat(radius[part, None], 3, axis=1)
+    return _edit_radii(structure, SizedTruss(truss, given), entasis[[curve.part for curve in truss.curves]])
 
 
 def resize_structure(structure: Structure, sized: SizedTruss) -> SizedTruss:
@@ -97,25 +110,33 @@ def resize_structure(structure: Structure, sized: SizedTruss) -> SizedTruss:
 
     `times` and `values` of an edit are over the radii that the members have, and so is entasis.
     """
-    return _edit_radii(replace(structure, truss=sized.truss), sized, structure.knobs, 0.0)
+    return _edit_radii(replace(structure, truss=sized.truss), sized, np.zeros(len(sized.truss.curves)))
 
 
-def _edit_radii(structure: Structure, sized: SizedTruss, knobs: Knobs, entasis_elsewhere: float) -> SizedTruss:
-    truss, radii = sized.truss, np.array(sized.radii)
-    entasis = np.full(len(truss.curves), entasis_elsewhere)
+def part_of_member(truss: Truss) -> Int[np.ndarray, " n_m"]:
+    """Which of several joined parts each member is of, by the curve that names it."""
+    return np.array([curve.part for curve in truss.curves], np.int64)[truss.curve_of_member]
+
+
+def _edit_radii(structure: Structure, sized: SizedTruss, entasis: Float[np.ndarray, " n_c"]) -> SizedTruss:
+    """The radii by the edits, from those before any and the entasis of the curves of which no edit speaks."""
+    truss, radii, entasis = sized.truss, np.array(sized.radii), entasis.copy()
     for edit in structure.noted:
         if isinstance(edit, Radius):
             radii = edit.resized(radii, sized.radii, structure)
         elif isinstance(edit, Entasis):
             entasis[edit.curves(truss)] = edit.to
     radii = radii * (1 + entasis[truss.curve_of_member, None] * entasis_weights(truss))
-    radii = np.maximum(radii, knobs.smallest_radius)
-    largest = LARGEST_RADIUS_RATIO * truss.spacing
-    worst = int(np.argmax(radii.max(1)))
+    pieces, part = structure.pieces, part_of_member(truss)
+    smallest = np.array([max(piece.knobs.smallest_radius, structure.knobs.smallest_radius) for piece in pieces])
+    radii = np.maximum(radii, smallest[part, None])
+    spacing = np.array([piece.fields.spacing for piece in pieces])[part]
+    worst = int(np.argmax(radii.max(1) / spacing))
+    largest = LARGEST_RADIUS_RATIO * spacing[worst]
     require(
         radii[worst].max() <= largest,
         f"a radius of {radii[worst].max():.4g} mm (on {truss.curves[truss.curve_of_member[worst]].name}, entasis "
-        f"included) is too large for a cell edge of {truss.spacing:.4g} mm: use at most {largest:.4g} mm",
+        f"included) is too large for a cell edge of {spacing[worst]:.4g} mm: use at most {largest:.4g} mm",
     )
     return SizedTruss(truss, radii)
 

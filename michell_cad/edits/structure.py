@@ -9,6 +9,7 @@ Edits act in the order of the method, whatever their order in the list:
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -18,7 +19,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 
 from michell_cad.arrays import freeze, require
 from michell_cad.curves import FAMILIES
-from michell_cad.edits.selections import Everything, Point, Selection
+from michell_cad.edits.selections import Everything, Part, Point, Selection
 from michell_cad.edits.sentences import selection_from
 from michell_cad.knobs import Knobs, choose_curves
 from michell_cad.metrics import name_families
@@ -67,6 +68,24 @@ class DesignFields:
 
 
 @dataclass(frozen=True, eq=False)
+class Piece:
+    """One of the parts that are joined to a structure: what its own design file says of its members.
+
+    Parameters
+    ----------
+    fields : of its design.
+    knobs : those of its file; the radius, entasis and smallest radius of its members.
+    density : g/mm^3.
+    for_loads : whether its file has its radii sized for its loads, which a joined structure cannot do.
+    """
+
+    fields: DesignFields
+    knobs: Knobs
+    density: float
+    for_loads: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Structure:
     """A truss with what edits need to know of its design, and the edits that wait for it to be finished.
 
@@ -79,7 +98,7 @@ class Structure:
     snapped : points to which nodes have been snapped, mm.
     as_traced : whether no edit has changed the truss since it was traced and chosen.
     noted : edits of the finished truss, in order.
-    others : the parts of trusses that were joined to this one.
+    joined : the parts that were joined to this one; curves of number k have the `part` k + 1.
     kept : solids of the design with which the finished truss is united.
     kept_of_others : those of the trusses that were joined to this one.
     sizing : how its radii are made to suit the loads; None: knobs and edits decide.
@@ -92,7 +111,7 @@ class Structure:
     snapped: tuple[Point, ...] = ()
     as_traced: bool = True
     noted: tuple["Edit", ...] = ()
-    others: tuple[TetMesh, ...] = ()
+    joined: tuple[Piece, ...] = ()
     kept: "tuple[KeptSolid, ...]" = ()
     kept_of_others: "tuple[KeptSolid, ...]" = ()
     sizing: StrengthenOptions | None = None
@@ -114,12 +133,18 @@ class Structure:
     def whole_mesh(self) -> TetMesh:
         """The part, and those of all joined trusses, as one mesh of several pieces."""
         mesh = self.fields.mesh
-        for other in self.others:
+        for other in (piece.fields.mesh for piece in self.joined):
             mesh = TetMesh(
                 np.concatenate([mesh.vertices, other.vertices]),
                 np.concatenate([mesh.tets, other.tets + len(mesh.vertices)]),
             )
         return mesh
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """All parts by their number, this one first."""
+        for_loads = self.sizing is not None and self.sizing.size_by is not None
+        return (Piece(self.fields, self.knobs, self.design.problem.material.density, for_loads), *self.joined)
 
     @property
     def whole_kept(self) -> "tuple[KeptSolid, ...]":
@@ -175,6 +200,10 @@ class SelectingEdit(Edit):
         if not table.get("where", True):
             del table["where"]
         return table
+
+    def narrowed(self, parts: Iterable[int]) -> "SelectingEdit":
+        """The same edit of the curves of some parts only."""
+        return self.model_copy(update={"where": self.where & Part(tuple(parts))})
 
     def curves(self, truss: Truss) -> np.ndarray:
         """The selected curves as a mask; at least one."""

@@ -111,6 +111,21 @@ def add_braces(truss: Truss, pairs: Int[np.ndarray, "n_b 2"]) -> Truss:
     )
 
 
+def alternating_diagonals(truss: Truss, mesh: TetMesh, levels: Float[np.ndarray, "n_v 3"]) -> Int[np.ndarray, "n_b 2"]:
+    """One diagonal of every cell face, which joins even nodes: in neighbouring faces it runs the other way.
+
+    Parameters
+    ----------
+    truss, mesh : the truss, and its part.
+    levels : coordinates of the vertices in cells; even is a node where the sum of the three, rounded, is.
+    """
+    ring = cell_faces(truss)
+    tets, barycentric = locate(mesh, truss.nodes)
+    even = np.rint(np.einsum("na,nai->ni", barycentric, levels[mesh.tets[tets]])).sum(1) % 2 == 0
+    chosen = np.where(even[ring[:, :1]], ring[:, [0, 2]], ring[:, [1, 3]])
+    return np.unique(np.sort(chosen, axis=1), axis=0)
+
+
 def _room_for_diagonals(X: Float[np.ndarray, "n_q 4 3"]) -> Bool[np.ndarray, "n_q 2"]:
     """Whether a-c and b-d enclose at least `SMALLEST_ANGLE` with the sides of the ring."""
     room = np.ones((len(X), 2), bool)

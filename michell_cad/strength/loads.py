@@ -97,15 +97,23 @@ def carry_over_loads(problem: DesignProblem, truss: Truss) -> TrussLoading:
         If a load case acts on held nodes only.
     """
     require(len(truss.members), "the truss has no members to carry a load")
-    cases = problem.load_cases
-    names, weights = tuple(case.name for case in cases), np.array([case.weight for case in cases])
-    forces = np.array([case.force for case in cases])
-    if problem.combination == "sum":
-        names, forces, weights = (" + ".join(names),), np.einsum("c,cvd->vd", weights, forces)[None], np.ones(1)
+    names, forces, weights = acting_cases(problem)
     used = np.unique(truss.members)
     carried = np.zeros((len(forces), len(truss.nodes), 6))
     carried[:, used] = spread_forces(problem.mesh.vertices, forces, truss.nodes[used])
     return TrussLoading(held_nodes(problem, truss), carried, names, weights)
+
+
+def acting_cases(
+    problem: DesignProblem,
+) -> tuple[tuple[str, ...], Float[np.ndarray, "n_c n_v 3"], Float[np.ndarray, " n_c"]]:
+    """Names, forces on the vertices of the part, N, and weights of the load cases; those that act at once as one."""
+    cases = problem.load_cases
+    names, weights = tuple(case.name for case in cases), np.array([case.weight for case in cases])
+    forces = np.array([case.force for case in cases])
+    if problem.combination == "sum":
+        return (" + ".join(names),), np.einsum("c,cvd->vd", weights, forces)[None], np.ones(1)
+    return names, forces, weights
 
 
 def add_off_axis_cases(loading: TrussLoading, degrees: float = OFF_AXIS_DEGREES) -> TrussLoading:

@@ -192,13 +192,13 @@ def _warnings(report: StrengthReport) -> list[str]:
         )
     if report.yield_factor < 1:
         notes.append(
-            f"the truss yields at {report.yield_factor:.2f} of the loads ({report.peak_stress.curve}): use thicker "
+            f"the truss yields at {report.yield_factor:.3g} of the loads ({report.peak_stress.curve}): use thicker "
             "members or a stronger material"
         )
     if report.buckling_factor is not None and report.buckling_factor < 1:
         assert report.buckling is not None
         notes.append(
-            f"a member buckles at {report.buckling_factor:.2f} of the loads ({report.buckling.curve}): use thicker or "
+            f"a member buckles at {report.buckling_factor:.3g} of the loads ({report.buckling.curve}): use thicker or "
             "shorter members"
         )
     return notes

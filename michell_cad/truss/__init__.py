@@ -9,7 +9,7 @@ from michell_cad.truss.cleaning import (
     interior_degree_6,
     valences,
 )
-from michell_cad.truss.cutting import keep_members, open_ends, without_loose
+from michell_cad.truss.cutting import keep_members, open_ends, take_curves, without_loose
 from michell_cad.truss.subset import keep_curves
 from michell_cad.truss.values import SizedTruss, Truss, member_radius
 
@@ -30,6 +30,7 @@ __all__ = [
     "keep_members",
     "member_radius",
     "open_ends",
+    "take_curves",
     "valences",
     "without_loose",
 ]

@@ -47,6 +47,28 @@ def keep_members(
     return keep_curves(left, np.ones(len(pieces), bool))
 
 
+def take_curves(truss: Truss, curves: Bool[np.ndarray, " n_c"]) -> tuple[Truss, Int[np.ndarray, " n_left"]]:
+    """Some curves with all of their members and nodes, none of which dissolves; and the numbers of these members."""
+    chosen = [c for c, keep in zip(truss.curves, curves, strict=True) if keep]
+    require(chosen, "no curve is chosen")
+    used = np.unique(np.concatenate([c.members for c in chosen]))
+    nodes, ends = np.unique(truss.members[used], return_inverse=True)
+    node, member = np.full(len(truss.nodes), -1), np.full(len(truss.members), -1)
+    node[nodes], member[used] = np.arange(len(nodes)), np.arange(len(used))
+    offsets = np.asarray(truss.waypoint_offsets)
+    owner, local = expand(np.diff(offsets)[used])
+    taken = replace(
+        truss,
+        nodes=truss.nodes[nodes],
+        node_kinds=truss.node_kinds[nodes],
+        members=ends.reshape(-1, 2),
+        curves=tuple(replace(c, nodes=node[c.nodes], members=member[c.members]) for c in chosen),
+        waypoints=np.asarray(truss.waypoints)[offsets[used][owner] + local],
+        waypoint_offsets=np.concatenate([[0], np.cumsum(np.diff(offsets)[used])]),
+    )
+    return taken, used
+
+
 def open_ends(truss: Truss) -> Int[np.ndarray, " k"]:
     """Nodes with one member only."""
     return np.flatnonzero(truss.degrees == 1)

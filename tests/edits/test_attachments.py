@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from designs import small_bar
 
-from michell_cad.cad.plates import place_copies
+from michell_cad.cad.plates import mesh_copies, place_copies
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.edits import Attach, EditList, Family, Where, attachment_frames
 from michell_cad.edits.attachments import frames_along, transport
@@ -65,6 +65,11 @@ def test_copies_stand_on_the_curves_of_a_selection():
     lamps = place_copies(bd.Cylinder(0.5, 1), frames)
     assert len(lamps.solids()) == len(frames.origins)
     assert lamps.volume == pytest.approx(len(frames.origins) * np.pi * 0.25, rel=1e-6)
+    corners, triangles = mesh_copies(bd.Box(1, 2, 3), frames)
+    a, b, c = corners[triangles].transpose(1, 0, 2)
+    drawn = np.einsum("td,td->t", a, np.cross(b, c)).reshape(len(frames.origins), -1).sum(1) / 6
+    np.testing.assert_allclose(drawn, 6.0)
+    np.testing.assert_allclose(corners.reshape(len(drawn), -1, 3).mean(1), frames.origins, atol=1e-9)
     centres = np.array([tuple(solid.center()) for solid in lamps.solids()])
     np.testing.assert_allclose(np.sort(centres, axis=0), np.sort(frames.origins, axis=0), atol=1e-6)
 
@@ -78,3 +83,5 @@ def test_what_cannot_be_attached_is_said(tmp_path):
         place_copies(edit.part, frames)
     with pytest.raises(InvalidInputError, match="up must not be the zero vector"):
         EditList((Attach(part="x.step", spacing=5.0, up=(0.0, 0.0, 0.0)),)).replay(BAR, Knobs())
+    with pytest.raises(InvalidInputError, match=r"copies, more than 20000; use a larger spacing"):
+        EditList((Attach(part="x.step", spacing=1e-4),)).replay(BAR, Knobs())

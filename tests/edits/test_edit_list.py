@@ -73,6 +73,24 @@ def test_paths_in_a_script_are_relative_to_it(tmp_path):
     assert attached.part == str(tmp_path / "lamp.step")
 
 
+def test_paths_are_saved_whole(tmp_path, monkeypatch):
+    """What was written in one folder is read in another one, and from other places."""
+    (tmp_path / "job").mkdir()
+    (tmp_path / "job/edits.toml").write_text('[[edit]]\ndo = "attach"\npart = "lamp.step"\nspacing = 5.0\n')
+    monkeypatch.chdir(tmp_path)
+    from_script = read_script("job/edits.toml").edits
+    by_hand = EditList((Attach(part="job/lamp.step", spacing=5.0),))
+    for edits in (from_script, by_hand):
+        write_script("edits.toml", edits)
+        save_design("d.npz", BAR, Knobs(), edits)
+        monkeypatch.chdir(tmp_path / "job")
+        for back in (read_script("../edits.toml").edits, load_edits("../d.npz")):
+            (attach,) = back.edits
+            assert isinstance(attach, Attach)
+            assert attach.part == str(tmp_path / "job/lamp.step")
+        monkeypatch.chdir(tmp_path)
+
+
 def test_the_list_is_saved_with_the_design_and_replays_to_the_same(tmp_path, monkeypatch):
     edits = EditList((Remove(where=Where("boundary")), Entasis(to=0.2), Radius(where=Family("tension"), times=1.2)))
     save_design(tmp_path / "d.npz", BAR, Knobs(every=2), edits, up=1)
@@ -101,6 +119,12 @@ def test_undo_and_reorder():
             wrong()
 
 
+def test_the_folder_of_results_stands_for_its_design_file(tmp_path):
+    (tmp_path / "made").mkdir()
+    save_design(tmp_path / "made/design.npz", BAR, Knobs(every=2))
+    assert load_saved(tmp_path / "made").knobs == Knobs(every=2)
+
+
 def test_a_design_file_of_before_edits_has_none(tmp_path):
     save_design(tmp_path / "d.npz", BAR, Knobs())
     with np.load(tmp_path / "d.npz") as file:
@@ -117,6 +141,9 @@ def test_a_design_file_of_before_edits_has_none(tmp_path):
     ("text", "message"),
     [
         ("version = 9", "version 9, this program reads up to 1: install a newer"),
+        ("version = '1'", "version = '1' is none of an edit script; write version = 1"),
+        ("version = -3", "version = -3 is none"),
+        ("knobs = [1]", r"\[knobs\] is a table such as radius = 1.2, found \[1\]"),
         ("nonsense", "not valid TOML"),
         ("[edit]\ndo = 'remove'", r"write \[\[edit\]\], with two brackets"),
         ("edits = 3", "unknown key edits"),

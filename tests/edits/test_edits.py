@@ -123,6 +123,8 @@ def test_a_strut_joins_two_nodes_straight():
     through = AddCurve(through=(near[0], tuple(((nodes[a] + nodes[b]) / 2 + 2).tolist()), near[1]), reach=1.0)
     with pytest.raises(InvalidInputError, match=r"joins the nodes .* already"):
         edited(AddStrut(between=(near[0], near[1])), AddCurve(through=(near[0], near[1])))
+    with pytest.raises(InvalidInputError, match=r"edit 'add strut': no node .* move the point, or raise reach$"):
+        edited(AddStrut(between=(near[0], (500.0, 0.0, 0.0))))
     bent = edited(through).truss
     assert len(np.asarray(bent.waypoints)) == len(np.asarray(BAR.truss.waypoints)) + 1
 
@@ -255,6 +257,15 @@ def test_an_edited_truss_is_still_one_valid_solid():
     report = build_solid(size_structure(structure), structure.knobs).report
     assert report.valid
     assert report.genus == report.expected_genus
+
+
+@pytest.mark.parametrize("times", [0.1, 0.01])
+def test_members_far_thinner_than_their_neighbours_have_a_mesh(times):
+    """Their tubes flare from the thick ends of merged nodes."""
+    structure = EditList((Radius(where=Family("tension"), times=times),)).replay(coarse_bar(), Knobs(radius=1.0))
+    report = build_solid(size_structure(structure), structure.knobs).report
+    assert report.valid
+    assert report.mesh_volume_mm3 == pytest.approx(report.volume_mm3, rel=1e-3)
 
 
 def test_the_stress_between_centroids_is_continuous_and_exact_where_it_is_constant():

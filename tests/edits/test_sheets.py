@@ -30,7 +30,7 @@ def test_the_isosurface_of_a_plane_has_its_area_and_its_normal():
 
 def test_a_flat_plate_is_a_slab_cut_by_the_part():
     (plate,) = build_plates(MESH, MESH.vertices @ [1.0, 0.0, 0.0], 3.3, 0.5)
-    assert plate.open_edges == 0
+    assert plate.is_watertight
     assert plate.volume == pytest.approx(0.5 * 24)
     np.testing.assert_allclose(plate.vertices.min(0), [3.05, 0, 0], atol=1e-9)
     np.testing.assert_allclose(plate.vertices.max(0), [3.55, 6, 4], atol=1e-9)
@@ -49,8 +49,8 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
     plates = build_sheets(EditList((edit,)).replay(BAR, Knobs()))
     assert len(plates) >= 2
     phi = FIELDS.levels[:, FIELDS.axis("compression")]
-    for plate, value in zip(plates, edit.values, strict=True):
-        assert plate.open_edges == 0
+    for plate, value in zip(plates, edit.values_in(phi), strict=True):
+        assert plate.is_watertight
         points, triangles = trace_isosurface(FIELDS.mesh, phi, value)
         away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(plate.vertices, points, triangles)[0]))
         a, b, c = points[triangles].transpose(1, 0, 2)
@@ -65,6 +65,16 @@ def test_plates_of_a_design_are_closed_and_lie_on_the_isosurface():
         assert (high <= np.array([80, 40, 40]) + 1e-6).all()
 
 
+def test_no_triangle_of_a_plate_is_thinner_than_the_kernel_can_see():
+    """A hundred times its 1e-7 mm; slivers of the boolean made plates that were no valid solids."""
+    edits = (AddSheet(coordinate=axis, low=0, high=9, thickness=0.8) for axis in (1, 2))
+    for plate in build_sheets(EditList(tuple(edits)).replay(BAR, Knobs())):
+        corners = plate.vertices[plate.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+        twice_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        assert (twice_area / longest).min() > 1e-5
+
+
 def test_plates_are_solids_in_step(tmp_path):
     edit = AddSheet(coordinate="third", low=3, high=3, thickness=0.8)
     plates = build_sheets(EditList((edit,)).replay(BAR, Knobs()))
@@ -73,6 +83,15 @@ def test_plates_are_solids_in_step(tmp_path):
     assert summary.valid
     assert summary.solids == len(plates)
     assert summary.volume_mm3 == pytest.approx(sum(plate.volume for plate in plates), rel=1e-5)
+
+
+def test_a_wide_range_of_values_costs_no_more_than_those_in_the_part():
+    wide = AddSheet(coordinate=0, low=-1e15, high=1e15, thickness=0.5)
+    assert wide.values_in(np.array([0.4, 2.0, 3.1])) == [1.0, 2.0, 3.0]
+    assert wide.values_in(np.array([0.0, 2.0])) == [1.0]  # at an extreme there is a point only
+    assert AddSheet(coordinate=0, low=1, high=9, every=2, thickness=0.5).values_in(np.array([0.4, 4.1])) == [2.0, 4.0]
+    odd = AddSheet(coordinate=0, low=1, high=9, every=2, offset=1, thickness=0.5)
+    assert odd.values_in(np.array([0.4, 4.1])) == [1.0, 3.0]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import pytest
 from designs import bar_behind, small_bar, turned_design
 from scipy.spatial.transform import Rotation
 
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.design_file import save_design
 from michell_cad.edits import (
     AddCurve,
@@ -20,7 +21,6 @@ from michell_cad.edits import (
     Join,
     Label,
     Near,
-    PlateMesh,
     Radius,
     Remove,
     RemoveOpenEnds,
@@ -103,7 +103,7 @@ def test_a_turned_design_with_turned_edits_gives_the_turned_result(seed, unturne
         np.testing.assert_allclose(centroid(plate), Q @ centroid(was), atol=0.03)
 
 
-def centroid(plate: PlateMesh) -> np.ndarray:
+def centroid(plate: ClosedMesh) -> np.ndarray:
     """Centre of mass of a closed mesh: of the tets between its triangles and the origin."""
     a, b, c = plate.vertices[plate.triangles].transpose(1, 0, 2)
     six = np.einsum("td,td->t", a, np.cross(b, c))

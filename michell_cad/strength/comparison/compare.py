@@ -9,26 +9,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from michell_cad.arrays import require
 from michell_cad.problem import DesignProblem
 from michell_cad.strength.beam_model import build_beam_model
 from michell_cad.strength.beam_solver import solve_beams
-from michell_cad.strength.comparison.grids import regular_grid, turned_axes
-from michell_cad.strength.comparison.ground_structure import optimal_ground_structure
 from michell_cad.strength.comparison.union_volume import scale_to_union
+from michell_cad.strength.comparison.voxel_optimisation import VoxelDesign
 from michell_cad.strength.frame_buckling import frame_buckling
 from michell_cad.strength.loads import OFF_AXIS_DEGREES, add_off_axis_cases, carry_over_loads
 from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.pin_joints import pin_joint_residual
-from michell_cad.strength.strengthen import size_for_loads
-from michell_cad.strength.strengthen_options import StrengthenOptions
-from michell_cad.truss import SizedTruss, Truss
-
-GRID_CELLS = (4, 6, 8)
-"""Cells of the grids along the longest side of the part."""
+from michell_cad.truss import SizedTruss
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,31 +34,32 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Row:
-    """Figures of one candidate; factors are of the given loads.
+    """Figures of one candidate; factors are of the given loads. None: not defined, or nothing buckles.
 
     Parameters
     ----------
-    name, members : of the candidate.
-    yield_factor : at first yield.
-    member_buckling, frame_buckling : at which a member, or the frame of all, buckles; None if nothing does.
-    off_axis_yield : at first yield, the worst of the loads tilted to four sides.
+    name : of the candidate.
     compliance : f . u, N mm.
-    force_path : sum |N| L over the strength, mm^3: the least volume of a pin-jointed truss of these forces.
     mass_g, volume_fraction : of the union.
+    members : their number.
+    yield_factor : at first yield.
+    member_buckling, frame_buckling : at which a member, or the frame of all, buckles.
+    off_axis_yield : at first yield, the worst of the loads tilted to four sides.
+    force_path : sum |N| L over the strength, mm^3: the least volume of a pin-jointed truss of these forces.
     pin_joint_residual : share of the loads that axial forces alone cannot carry.
     """
 
     name: str
-    members: int
-    yield_factor: float
-    member_buckling: float | None
-    frame_buckling: float | None
-    off_axis_yield: float
     compliance: float
-    force_path: float
     mass_g: float
     volume_fraction: float
-    pin_joint_residual: float
+    members: int | None = None
+    yield_factor: float | None = None
+    member_buckling: float | None = None
+    frame_buckling: float | None = None
+    off_axis_yield: float | None = None
+    force_path: float | None = None
+    pin_joint_residual: float | None = None
 
 
 def compare_trusses(
@@ -110,42 +104,15 @@ def measure_row(problem: DesignProblem, candidate: Candidate, volume: float, off
     )
 
 
-def standard_rivals(
-    problem: DesignProblem, options: StrengthenOptions, sizes: Sequence[int] = GRID_CELLS
-) -> list[Candidate]:
-    """Grids of several sizes, plain and braced, one braced at 45 degrees, and a ground structure between their nodes.
+def voxel_rows(problem: DesignProblem, design: VoxelDesign, volume: float) -> list[Row]:
+    """What no structure of a volume, mm^3, goes below, and densities of voxels from empty to full (p = 1) and of nearly
+    empty and nearly full ones (p = 3).
 
-    With `options.size_by` the grids are sized as the design is, at an equal sum of member volumes.
+    Voxels have neither members nor a stress that means anything at their corners: they are a mark for stiffness only.
     """
-    extent = np.ptp(problem.mesh.vertices, axis=0)
-    found = []
-    for size in sizes:
-        a, b, c = np.maximum(np.rint(extent / extent.max() * size), 1).astype(int).tolist()
-        for braced in (False, True):
-            name = f"grid {a}x{b}x{c}" + (" braced" if braced else "")
-            found.append(Candidate(name, _equal(problem, regular_grid(problem.mesh, (a, b, c), braced=braced))))
-    a, b, c = np.maximum(np.rint(extent / extent.max() * sizes[-1]), 1).astype(int).tolist()
-    axes = turned_axes(45.0, int(np.argsort(extent)[1]))
-    turned = regular_grid(problem.mesh, (a, b, c), axes, braced=True)
-    found.append(Candidate(f"grid {a}x{b}x{c} braced, 45 deg", _equal(problem, turned)))
-    if options.size_by is not None:
-        found = [Candidate(f"{item.name} sized", size_for_loads(problem, item.sized, options)) for item in found]
-    return [*found, ground_structure_candidate(problem, sizes[0])]
-
-
-def ground_structure_candidate(problem: DesignProblem, size: int) -> Candidate:
-    """The least-volume truss for the loads as given, between the nodes of a grid of `size` cells."""
-    extent = np.ptp(problem.mesh.vertices, axis=0)
-    a, b, c = np.maximum(np.rint(extent / extent.max() * size), 1).astype(int).tolist()
-    grid = regular_grid(problem.mesh, (a, b, c))
-    found = optimal_ground_structure(
-        grid.nodes, carry_over_loads(problem, grid), problem.material.yield_strength, problem.mesh
-    )
-    radii: Float[np.ndarray, " n_m"] = np.sqrt(found.areas / np.pi)
-    return Candidate(f"ground s. {a}x{b}x{c}", SizedTruss(found.truss, np.repeat(radii[:, None], 3, axis=1)))
-
-
-def _equal(problem: DesignProblem, truss: Truss) -> SizedTruss:
-    """Equal members, a tenth of the part in all."""
-    r = np.sqrt(0.1 * problem.mesh.volumes.sum() / (np.pi * truss.lengths.sum()))
-    return SizedTruss(truss, np.full((len(truss.members), 3), r))
+    mass, fraction = volume * problem.material.density, volume / float(problem.mesh.volumes.sum())
+    return [
+        Row("voxels, bound", design.least_compliance, mass, fraction),
+        Row("voxels, p = 1", design.sheet_compliance, mass, fraction),
+        Row("voxels, p = 3", design.compliance, mass, fraction),
+    ]

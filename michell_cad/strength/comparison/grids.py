@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from michell_cad.arrays import require
 from michell_cad.isocurves import trace_isocurves
-from michell_cad.strength.braces import add_braces, cell_faces
+from michell_cad.strength.braces import add_braces, alternating_diagonals, cell_faces
 from michell_cad.tet_mesh import TetMesh
 from michell_cad.truss import Truss, clean_network
 from michell_cad.truss.inside import keep_inside
@@ -23,6 +23,7 @@ def regular_grid(
     cells: tuple[int, int, int],
     axes: Float[np.ndarray, "3 3"] | None = None,
     braced: bool = False,
+    alternating: bool = False,
 ) -> Truss:
     """A grid of straight cells in a part.
 
@@ -31,7 +32,9 @@ def regular_grid(
     mesh : TetMesh
     cells : numbers of cells along the three axes, over the extent of the part.
     axes : columns, orthonormal. Default: the global axes.
-    braced : whether every face of a cell gets one diagonal; neighbouring faces alternate where the nodes' numbers do.
+    braced : whether every face of a cell gets one diagonal, those of neighbouring faces parallel.
+    alternating : or in turns, so that they meet at every second node: on the paper's cantilever 16 to 33 per cent
+        stiffer at equal volume.
 
     Raises
     ------
@@ -46,6 +49,8 @@ def regular_grid(
     spacing = float(np.median(extent / cells))
     truss, _ = clean_network(trace_isocurves(mesh, levels), spacing)
     truss = keep_inside(truss, mesh)
+    if alternating:
+        return add_braces(truss, alternating_diagonals(truss, mesh, levels))
     if not braced:
         return truss
     ring = cell_faces(truss)

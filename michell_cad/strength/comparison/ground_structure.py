@@ -42,6 +42,12 @@ INSIDE = -0.05
 INFEASIBLE = 2
 """Status of SciPy's `linprog` for a program without a solution."""
 
+UNSOLVED = 4
+"""Status of `linprog` where a method runs into numerical difficulties."""
+
+METHODS = ("highs", "highs-ipm")
+"""The simplex method gives up on some programs of bars that are all alike; the interior point method then does not."""
+
 FEASIBLE = 1e-4
 """Virtual strains may exceed the limit by this (relative): the volume is then within this of the optimum."""
 
@@ -172,15 +178,18 @@ def _solve_program(
         q = [one if k == c else zero for k in range(n_c)]
         bounds += [sp.hstack([-one, *q]), sp.hstack([-one, *(-block for block in q)])]
     equilibrium = sp.hstack([sp.csr_matrix((A.get_shape()[0] * n_c, n)), sp.block_diag([A] * n_c)])
-    found = linprog(
-        np.concatenate([L / length, np.zeros(n * n_c)]),
-        A_ub=sp.csr_matrix(sp.vstack(bounds)),
-        b_ub=np.zeros(2 * n * n_c),
-        A_eq=sp.csr_matrix(equilibrium),
-        b_eq=(f / force).ravel(),
-        bounds=[(0, None)] * n + [(None, None)] * (n * n_c),
-        method="highs",
-    )
+    program = {
+        "c": np.concatenate([L / length, np.zeros(n * n_c)]),
+        "A_ub": sp.csr_matrix(sp.vstack(bounds)),
+        "b_ub": np.zeros(2 * n * n_c),
+        "A_eq": sp.csr_matrix(equilibrium),
+        "b_eq": (f / force).ravel(),
+        "bounds": [(0, None)] * n + [(None, None)] * (n * n_c),
+    }
+    for method in METHODS:
+        found = linprog(**program, method=method)
+        if found.status != UNSOLVED:
+            break
     if found.status == INFEASIBLE:
         return None
     if found.status != 0:

@@ -6,14 +6,12 @@ from michell_cad.strength.solid.solid_deck import write_solid_deck
 from michell_cad.strength.solid.solid_loading import SolidLoading, carry_to_solid
 from michell_cad.strength.solid.solid_mesh import mesh_solid
 from michell_cad.strength.solid.solid_solution import SolidSolution, solve_solid
-from michell_cad.strength.solid.stuffing import Surface
 
 __all__ = [
     "QuadraticMesh",
     "SolidCheck",
     "SolidLoading",
     "SolidSolution",
-    "Surface",
     "carry_to_solid",
     "check_solid",
     "mesh_solid",

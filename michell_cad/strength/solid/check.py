@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.solid.solid_loading import carry_to_solid
 from michell_cad.strength.solid.solid_mesh import mesh_solid
 from michell_cad.strength.solid.solid_solution import SolidSolution, solve_solid
-from michell_cad.strength.solid.stuffing import Surface
 from michell_cad.truss import SizedTruss
 
 
@@ -48,7 +48,7 @@ class SolidCheck:
 
 
 def check_solid(
-    surface: Surface,
+    surface: ClosedMesh,
     beams: BeamSolution,
     sized: SizedTruss,
     loading: TrussLoading,

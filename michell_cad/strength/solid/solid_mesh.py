@@ -5,10 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from michell_cad.arrays import require
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.errors import ConvergenceError
 from michell_cad.linear_solver import free_memory
 from michell_cad.strength.solid.quadratic_mesh import QuadraticMesh, quadratic_mesh
-from michell_cad.strength.solid.stuffing import Surface, stuff_surface
+from michell_cad.strength.solid.stuffing import stuff_surface
 from michell_cad.tet_mesh import TetMesh
 
 COARSEST, FINEST = 1.2, 0.7
@@ -32,7 +33,7 @@ VOLUME_TOLERANCE = 0.03
 
 
 def mesh_solid(
-    surface: Surface,
+    surface: ClosedMesh,
     smallest_radius: float,
     size: float | None = None,
     progress: Callable[[float], None] = lambda fraction: None,

@@ -14,15 +14,11 @@ a truss whose surface TetWild fills in minutes. Departures:
 Sharp edges come out blunt, by a fraction of the size.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from michell_cad.arrays import freeze, require
+from michell_cad.arrays import require
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.errors import ConvergenceError
 
 ALPHA_LONG, ALPHA_SHORT = 0.24999, 0.41189
@@ -34,49 +30,8 @@ LEAST_QUALITY = 0.02
 regular lattice tet's volume."""
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """A closed triangle mesh whose triangles turn counter-clockwise seen from outside."""
-
-    vertices: Float[np.ndarray, "n 3"]
-    triangles: Int[np.ndarray, "t 3"]
-
-    def __post_init__(self) -> None:
-        freeze(self, vertices=np.float64, triangles=np.int64)
-
-    @cached_property
-    def volume(self) -> float:
-        """Enclosed volume, mm^3, by the divergence theorem."""
-        a, b, c = (self.vertices - self.vertices.mean(0))[self.triangles].transpose(1, 0, 2)
-        return float(np.einsum("td,td->", a, np.cross(b, c)) / 6)
-
-    @cached_property
-    def bodies(self) -> int:
-        """Number of connected pieces of the surface that enclose volume; hollows do not count."""
-        t, n = self.triangles, len(self.vertices)
-        ends = (t[:, [0, 1]].ravel(), t[:, [1, 2]].ravel())
-        _, label = connected_components(coo_matrix((np.ones(len(ends[0])), ends), shape=(n, n)), directed=False)
-        a, b, c = self.vertices[t].transpose(1, 0, 2)
-        six_volumes = np.bincount(label[t[:, 0]], np.einsum("td,td->t", a, np.cross(b, c)))
-        return int((six_volumes > 0).sum())
-
-    def depth(self, points: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, " k"]:
-        """Distance of points from the surface, mm, positive inside."""
-        import igl
-
-        winding = np.asarray(igl.fast_winding_number(self.vertices, self.triangles, points))
-        squared, _, _ = igl.point_mesh_squared_distance(points, self.vertices, self.triangles)
-        return np.where(winding > 0.5, 1.0, -1.0) * np.sqrt(np.asarray(squared))
-
-    def nearest(self, points: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:
-        """The points of the surface that are nearest to points."""
-        import igl
-
-        return np.asarray(igl.point_mesh_squared_distance(points, self.vertices, self.triangles)[2])
-
-
 def stuff_surface(
-    surface: Surface, size: float
+    surface: ClosedMesh, size: float
 ) -> tuple[Float[np.ndarray, "n_v 3"], Int[np.ndarray, "n_t 4"], Bool[np.ndarray, " n_v"]]:
     """Fill a closed surface with tets of a lattice whose cubes have the edge `size`, mm.
 
@@ -196,7 +151,7 @@ def _split_pyramid(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, t
     return [np.stack([a, b, c, top], axis=1), np.stack([a, c, d, top], axis=1)]
 
 
-def _settle(points: np.ndarray, tets: np.ndarray, on: np.ndarray, surface: Surface, size: float) -> np.ndarray:
+def _settle(points: np.ndarray, tets: np.ndarray, on: np.ndarray, surface: ClosedMesh, size: float) -> np.ndarray:
     """Move the vertices on the surface to its nearest points, but for those whose tets that would spoil."""
     target = points.copy()
     target[on] = surface.nearest(points[on])

@@ -8,7 +8,7 @@ from frames import box_grid, frame, loading
 from scipy.integrate import quad
 from shapes import cantilever
 
-from michell_cad.errors import InvalidInputError
+from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import StrengthenOptions
 from michell_cad.strength.comparison import (
     Candidate,
@@ -50,6 +50,10 @@ def test_grids_have_the_nodes_of_boxes():
         assert len(truss.nodes) == (a + 1) * (b + 1) * (c + 1)
         assert len(truss.members) == plain + braced * faces
         np.testing.assert_allclose(np.ptp(truss.nodes, axis=0), [80, 40, 40], rtol=1e-2)
+    turns = regular_grid(PROBLEM.mesh, (4, 2, 2), alternating=True)
+    diagonals = np.concatenate([[curve.nodes for curve in turns.curves if curve.family == "brace"]])
+    assert len(diagonals) == 4 * 2 * 3 * 2 + 5 * 2 * 2
+    assert (np.rint(turns.nodes[diagonals] / 20).sum(2) % 2 == 0).all()
     # Of a turned grid most members run along its axes, the others along the faces and edges of the part.
     turned = regular_grid(PROBLEM.mesh, (8, 4, 4), turned_axes(45.0))
     d = np.diff(turned.nodes[turned.members], axis=1)[:, 0] / turned.lengths[:, None]
@@ -183,16 +187,35 @@ def test_rows_side_by_side():
 
 
 def test_rivals_are_of_all_kinds():
-    rivals = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,))
+    rivals, notes = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,))
+    assert notes == []
     assert [r.name for r in rivals] == [
         "grid 2x1x1",
         "grid 2x1x1 braced",
-        "grid 2x1x1 braced, 45 deg",
+        "grid 2x1x1 zigzag",
+        "grid 2x1x1 turned",
+        "hexes",
+        "hexes zigzag",
         "ground s. 2x1x1",
     ]
-    rows = compare_trusses(PROBLEM, [rivals[0], rivals[1], rivals[3]], 9000.0)
+    rows = compare_trusses(PROBLEM, [rivals[0], rivals[1], rivals[-1]], 9000.0)
     assert rows[2].pin_joint_residual < 0.01  # a ground structure is a pure truss
     assert rows[1].compliance < rows[0].compliance
+    # Cells of a box are those of its grid; by default as large as those of the finest one.
+    assert len(rivals[4].sized.truss.members) == len(rivals[0].sized.truss.members)
+    finer, _ = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(2,), spacing=20.0)
+    assert len(finer[4].sized.truss.members) == 4 * 9 + 5 * 2 * 3 * 2
+
+
+def test_rivals_that_are_not_found_are_noted(monkeypatch):
+    def fail(*arguments, **options):
+        raise ConvergenceError("no luck")
+
+    for name in ("conforming_map", "optimal_ground_structure"):
+        monkeypatch.setattr(f"michell_cad.strength.comparison.rivals.{name}", fail)
+    rivals, notes = standard_rivals(PROBLEM, StrengthenOptions(), sizes=(1,))
+    assert [r.name for r in rivals] == [f"grid 1x1x1{kind}" for kind in ("", " braced", " zigzag", " turned")]
+    assert notes == ["hexes are left out: no luck", "the ground structure is left out: no luck"]
 
 
 def test_refusals(monkeypatch):
@@ -205,3 +228,26 @@ def test_refusals(monkeypatch):
     monkeypatch.setattr("michell_cad.strength.comparison.ground_structure.free_memory", lambda: 1000)
     with pytest.raises(InvalidInputError, match=r"4 nodes has 6 possible bars and would take about .* use fewer cells"):
         optimal_ground_structure(nodes, load, 1.0)
+
+
+def test_a_program_that_the_simplex_method_gives_up_is_solved_by_another(monkeypatch):
+    from michell_cad.strength.comparison import ground_structure
+
+    nodes = plane([0.0, 10.0], [0.0, 10.0, 20.0])
+    loads = load_in_plane(nodes, [at(nodes, 0, 0), at(nodes, 0, 20)], at(nodes, 10, 10), (0, 0, -1.0))
+    expected = optimal_ground_structure(nodes, loads, 1.0).volume
+    assert expected == pytest.approx(2 * 10.0)  # 2 F d / sigma, two bars at 45 degrees
+    solve, tried = ground_structure.linprog, []
+
+    def give_up(**program):
+        tried.append(program["method"])
+        found = solve(**program)
+        return replace_status(found, 4) if program["method"] == "highs" else found
+
+    def replace_status(found, status):
+        found.status = status
+        return found
+
+    monkeypatch.setattr(ground_structure, "linprog", give_up)
+    assert optimal_ground_structure(nodes, loads, 1.0).volume == pytest.approx(expected, rel=1e-6)
+    assert set(tried) == {"highs", "highs-ipm"}

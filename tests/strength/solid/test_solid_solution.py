@@ -9,12 +9,12 @@ import pytest
 from frames import STEEL, frame, loading
 from quadratic_shapes import capsule
 
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.rotations import rotation_matrix
 from michell_cad.strength import build_beam_model, solve_beams
 from michell_cad.strength.solid import (
     SolidLoading,
-    Surface,
     carry_to_solid,
     mesh_solid,
     solve_solid,
@@ -34,7 +34,7 @@ def bar():
     cases = [{1: np.concatenate([TURN @ f[1][:3], TURN @ f[1][3:]])} for f in CASES]
     load = loading(2, [0], *cases)
     vertices, triangles = capsule(R, L)
-    return sized, load, Surface(vertices @ TURN.T, triangles)
+    return sized, load, ClosedMesh(vertices @ TURN.T, triangles)
 
 
 def test_forces_have_the_resultants_of_the_load():

@@ -3,9 +3,10 @@ import pytest
 import trimesh
 from quadratic_shapes import capsule, dihedral_angles
 
+from michell_cad.closed_mesh import ClosedMesh
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.rotations import rotation_matrix
-from michell_cad.strength.solid import Surface, mesh_solid, solid_mesh
+from michell_cad.strength.solid import mesh_solid, solid_mesh
 from michell_cad.strength.solid.quadratic_mesh import GAUSS_POINTS, quadratic_mesh
 from michell_cad.strength.solid.stuffing import stuff_surface
 from michell_cad.tet_mesh import TetMesh
@@ -13,14 +14,14 @@ from michell_cad.tet_mesh import TetMesh
 TURN = rotation_matrix(np.array([[0.4, 0.2, 0.9]]))[0]
 
 
-def turned_torus() -> Surface:
+def turned_torus() -> ClosedMesh:
     shape = trimesh.creation.torus(major_radius=5.0, minor_radius=2.0, major_sections=96, minor_sections=48)
-    return Surface(shape.vertices @ TURN.T + 3.0, shape.faces)
+    return ClosedMesh(shape.vertices @ TURN.T + 3.0, shape.faces)
 
 
-def ball(radius=1.0, centre=(0.0, 0.0, 0.0)) -> Surface:
+def ball(radius=1.0, centre=(0.0, 0.0, 0.0)) -> ClosedMesh:
     shape = trimesh.creation.icosphere(subdivisions=4, radius=radius)
-    return Surface(shape.vertices + np.array(centre), shape.faces)
+    return ClosedMesh(shape.vertices + np.array(centre), shape.faces)
 
 
 def genus(mesh: TetMesh) -> int:
@@ -52,9 +53,9 @@ def test_tets_fill_a_surface(surface):
 
 def test_a_surface_knows_depth_volume_and_bodies():
     hollow = ball(0.5)
-    two = [ball(), ball(1.0, (3.0, 0.0, 0.0)), Surface(hollow.vertices, hollow.triangles[:, ::-1])]
+    two = [ball(), ball(1.0, (3.0, 0.0, 0.0)), ClosedMesh(hollow.vertices, hollow.triangles[:, ::-1])]
     shift = np.cumsum([0, *(len(s.vertices) for s in two[:-1])])
-    both = Surface(
+    both = ClosedMesh(
         np.concatenate([s.vertices for s in two]),
         np.concatenate([s.triangles + k for s, k in zip(two, shift, strict=True)]),
     )
@@ -65,7 +66,7 @@ def test_a_surface_knows_depth_volume_and_bodies():
 
 
 def test_the_mesh_of_a_bar_has_its_volume_and_chooses_its_size():
-    bar = Surface(*capsule(1.0, 12.0))
+    bar = ClosedMesh(*capsule(1.0, 12.0))
     mesh = mesh_solid(bar, 1.0)
     assert mesh.volumes.sum() == pytest.approx((12 + 4 / 3) * np.pi, rel=0.005)
     assert solid_mesh.lattice_size(bar.volume, 1.0) == solid_mesh.FINEST
@@ -79,6 +80,6 @@ def test_the_mesh_of_a_bar_has_its_volume_and_chooses_its_size():
         mesh_solid(bar, 1.0, 0.004)
     for thickness, message in ((0.4, "bodies and .* use a smaller size"), (0.1, "falls through a lattice of 1 mm")):
         vertices, triangles = capsule(thickness, 12.0)
-        thin = Surface(vertices @ TURN.T, triangles)
+        thin = ClosedMesh(vertices @ TURN.T, triangles)
         with pytest.raises(ConvergenceError, match=message):
             mesh_solid(thin, 1.0, 1.0)
