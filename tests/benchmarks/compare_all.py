@@ -3,12 +3,13 @@ stronger, and why.
 
     python tests/benchmarks/compare_all.py DIR [--only NAME ...] [--designs DIR] [--most 1500] [--volume-fraction 0.09]
                                                [--criterion stress] [--shear-limit 0.12] [--node-ratio 1.3]
+                                               [--zigzag]
 
 DIR holds the problems and `problems.json` with their resolutions. Designs are made, or read from NAME*.npz files of
 `--designs` that the design command wrote. Of every design each n-th curve is kept, n the least with at most `--most`
-members; the grid has the number of cells along the longest side that comes nearest to as many members. Both have
-straight members sized one by one, by the same rules, for the given loads and these tilted by 5 degrees to four sides,
-buckling respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are
+members; the grid has the number of cells along the longest side that comes nearest to as many members; `--zigzag`: with
+diagonals in turns instead of parallel ones. Both have straight members sized one by one, by the same rules, for the
+given loads and these tilted by 5 degrees to four sides, buckling respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are
 those of the beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is
 better: stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at either
 of the tilted loads, and at the buckling of the whole frame.
@@ -129,13 +130,13 @@ def first_to_fail(solution, yields: np.ndarray, buckles: np.ndarray, sized: Size
     return f"{curve.family}, {how}, bending {bending:.0%}, length {length:.2f}, radius {thick:.2f} of the median"
 
 
-def similar_grid(problem: mc.DesignProblem, members: int) -> tuple[str, SizedTruss]:
+def similar_grid(problem: mc.DesignProblem, members: int, zigzag: bool) -> tuple[str, SizedTruss]:
     """The braced grid whose number of members is nearest."""
     extent = np.ptp(problem.mesh.vertices, axis=0)
     best: tuple[float, str, SizedTruss] | None = None
     for size in CELLS:
         a, b, c = np.maximum(np.rint(extent / extent.max() * size), 1).astype(int).tolist()
-        grid = regular_grid(problem.mesh, (a, b, c), braced=True)
+        grid = regular_grid(problem.mesh, (a, b, c), braced=True, alternating=zigzag)
         n = len(grid.members)
         if best is None or abs(np.log(n / members)) < best[0]:
             best = abs(np.log(n / members)), f"{a}x{b}x{c}", SizedTruss(grid, np.ones((n, 3)))
@@ -171,7 +172,7 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
     )
     build = buildable(knobs)
     shear = rms_shear(problem.mesh, design.stress_field.stress, design.parametrization.tangents)
-    cells, grid = similar_grid(problem, len(sized.truss.members))
+    cells, grid = similar_grid(problem, len(sized.truss.members), arguments.zigzag)
     ours, report, notes = strengthen(problem, design.stress_field, design.parametrization, sized, options, build)
     assert report is not None
     theirs = size_for_loads(problem, grid, options, build)
@@ -204,6 +205,7 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=1500)
     parser.add_argument("--volume-fraction", type=float, default=0.09)
     parser.add_argument("--criterion", choices=("stress", "compliance"), default="stress")
+    parser.add_argument("--zigzag", action="store_true")
     parser.add_argument("--shear-limit", type=float, default=SHEAR_LIMIT)
     parser.add_argument("--node-ratio", type=float, default=1.3)
     arguments = parser.parse_args()
