@@ -9,7 +9,8 @@ DIR holds the problems and `problems.json` with their resolutions. Designs are m
 `--designs` that the design command wrote. Of every design each n-th curve is kept, n the least with at most `--most`
 members; the grid has the number of cells along the longest side that comes nearest to as many members; `--zigzag`: with
 diagonals in turns instead of parallel ones. Both have straight members sized one by one, by the same rules, for the
-given loads and these tilted by 5 degrees to four sides, buckling respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are
+given loads and these tilted by 5 degrees to four sides, buckling respected; both are made buildable as one solid, and
+scaled to the same volume of that solid. Figures are
 those of the beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is
 better: stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at either
 of the tilted loads, and at the buckling of the whole frame.
