@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from michell_cad.arrays import require
-from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, prepare_truss, resolve_radius, unite
+from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, node_room, prepare_truss, resolve_radius, unite
 from michell_cad.edits import Entasis, Radius, Structure, resize_structure, size_structure
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
-from michell_cad.strength import StrengthenReport, strengthen
+from michell_cad.strength import Build, Buildable, StrengthenReport, strengthen
 from michell_cad.truss import SizedTruss, take_curves
 
 Progress = Callable[[str, float], None]
@@ -41,11 +41,7 @@ class Sizing:
 
 
 def size_finished(structure: Structure) -> Sizing:
-    """Give every member its radius: by the knobs and edits, or as the loads want it and then by the edits.
-
-    For the loads it is sized twice: thick members merge nodes and give way to each other in the solid, and forces go
-    with them. Swept profiles do not give way to each other, so that once is enough for them.
-    """
+    """Give every member its radius: by the knobs and edits, or as the loads want it and then by the edits."""
     design, options = structure.design, structure.sizing
     for_loads = options is not None and options.size_by is not None
     # What edits make thicker for its own sake is no material that the loads may spend.
@@ -53,26 +49,30 @@ def size_finished(structure: Structure) -> Sizing:
     chosen, joining = resolve_knobs(chosen), joining_notes(structure)
     structure = replace(structure, knobs=chosen.knobs, joined=chosen.joined)
     knobs = chosen.knobs
-    part, sized = (design.problem, design.stress_field, design.parametrization), size_structure(chosen)
+    sized = size_structure(chosen)
     if options is None:
         return Sizing(sized, knobs, None, joining)
     if for_loads:
         require(not structure.joined, "[sizing] knows the loads of one part only: leave it out for joined trusses")
-    sized, first, notes = strengthen(*part, sized, options)
-    if first is None:
+    part, build = (design.problem, design.stress_field, design.parametrization), buildable(knobs)
+    sized, report, notes = strengthen(*part, sized, options, build)
+    if report is None:
         return Sizing(sized, knobs, None, (*notes, *joining))
-    if knobs.swept:
-        sized, edited = _resized(structure, sized)
-        return Sizing(sized, knobs, first, tuple(dict.fromkeys([*notes, *edited])))
-    buildable = prepare_truss(sized, knobs).sized
-    volume_fraction = first.volume_mm3 / float(design.problem.mesh.volumes.sum())
-    sized, second, more = strengthen(*part, buildable, replace(options, braces=False, volume_fraction=volume_fraction))
-    assert second is not None
-    # Gains compare with equal members of the truss that the knobs chose.
-    gain = first.failure_gain * second.failure_factor / first.failure_factor
-    report = replace(second, options=options, failure_gain=gain)
     sized, edited = _resized(structure, sized)
-    return Sizing(sized, knobs, report, tuple(dict.fromkeys([*notes, *more, *edited])))
+    return Sizing(sized, knobs, report, tuple(dict.fromkeys([*notes, *edited])))
+
+
+def buildable(knobs: Knobs) -> Build | None:
+    """How sizing for the loads learns what building makes of a truss; None for swept profiles, which do not give way to
+    each other."""
+    if knobs.swept:
+        return None
+
+    def build(sized: SizedTruss) -> Buildable:
+        prepared = prepare_truss(sized, knobs)
+        return Buildable(prepared.sized, prepared.sizes.radius, node_room(prepared))
+
+    return build
 
 
 def resolve_knobs(structure: Structure) -> Structure:

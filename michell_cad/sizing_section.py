@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field, model_validator
 from michell_cad.job_values import STRICT, Number, Positive, Switch
 from michell_cad.strength.loads import OFF_AXIS_DEGREES
 from michell_cad.strength.sizing_groups import SizedBy
-from michell_cad.strength.strengthen import StrengthenOptions
+from michell_cad.strength.strengthen_options import StrengthenOptions
 
 
 class SizingSection(BaseModel):

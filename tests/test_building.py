@@ -1,5 +1,6 @@
 """From an edited structure to its radii and its solid; designs whose radii suit their loads can be edited like any."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -18,6 +19,14 @@ KNOBS = Knobs(radius=0.9)
 def sized(*edits: Edit) -> Sizing:
     structure = EditList(edits).replay(BAR, KNOBS)
     return size_finished(replace(structure, sizing=StrengthenOptions(size_by="curve")))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_round() -> Iterator[None]:
+    """What edits do to sized radii does not depend on how often sizing and building took turns."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("michell_cad.strength.sized_for_loads.ROUNDS", 1)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from michell_cad.cad.keep import KeptSolid, keep_material, kept_shape
 from michell_cad.cad.mesh import TrussMesh, mesh_truss
 from michell_cad.cad.mesh_groups import coloured_triangles
 from michell_cad.cad.prepare import prepare_truss
-from michell_cad.cad.prepared import PreparedTruss
+from michell_cad.cad.prepared import PreparedTruss, node_room
 from michell_cad.cad.preview import PreviewMesh, preview_truss
 from michell_cad.cad.profile_files import profile_from_cad, read_profile
 from michell_cad.cad.shell_plan import FaceRole
@@ -70,6 +70,7 @@ __all__ = [
     "keep_material",
     "kept_shape",
     "mesh_truss",
+    "node_room",
     "prepare_truss",
     "preview_truss",
     "profile_from_cad",

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from michell_cad.arrays import freeze
 from michell_cad.cad.centerlines import Centerlines
 from michell_cad.cad.creases import Creases, lay_creases
-from michell_cad.cad.layout import Layout
+from michell_cad.cad.layout import SHORTEST_TUBE, Layout
 from michell_cad.cad.mitres import NodeMitre
 from michell_cad.cad.nodes import NodeSizes, cap_angle
 from michell_cad.cad.spheres import Seams
@@ -146,3 +146,17 @@ def node_components(members: Int[np.ndarray, "n_m 2"], n_nodes: int) -> Int[np.n
     renumber[order] = np.arange(len(order))
     component[used] = renumber[label[used]]
     return component
+
+
+def node_room(prepared: PreparedTruss) -> Float[np.ndarray, " n_n"]:
+    """Radius to which the thickest member at each node could grow, the others in proportion, mm.
+
+    Then the shortest member there would have no tube left between its two nodes; inf for a node without members.
+    """
+    truss, sizes = prepared.sized.truss, prepared.sizes
+    reach, r = sizes.reach.reshape(-1, 2), sizes.end_radius.reshape(-1, 2)
+    taken = (reach.sum(1) + SHORTEST_TUBE * r.mean(1)) / truss.lengths
+    most, widest = np.zeros(len(truss.nodes)), np.zeros(len(truss.nodes))
+    np.maximum.at(most, truss.members, taken[:, None])
+    np.maximum.at(widest, truss.members, prepared.sized.radii[:, [0, 2]])
+    return np.divide(widest, most, out=np.full(len(most), np.inf), where=most > 0)

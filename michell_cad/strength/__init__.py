@@ -5,19 +5,22 @@ from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.beam_solver import solve_beams
 from michell_cad.strength.loads import TrussLoading, add_off_axis_cases, carry_over_loads
 from michell_cad.strength.mechanism import keep_supported
+from michell_cad.strength.sized_for_loads import Build, Buildable
 from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
 from michell_cad.strength.strength_report import StrengthReport, measure_strength, strength_block
 from michell_cad.strength.strengthen import (
-    StrengthenOptions,
     StrengthenReport,
     straighten,
     strengthen,
     strengthen_block,
 )
+from michell_cad.strength.strengthen_options import StrengthenOptions
 
 __all__ = [
     "BeamModel",
     "BeamSolution",
+    "Build",
+    "Buildable",
     "SizingOptions",
     "SizingReport",
     "StrengthReport",

@@ -109,6 +109,7 @@ def build_beam_model(
     pieces: int = 1,
     shear_coefficient: float | None = None,
     joints: Float[np.ndarray, " n_n"] | None = None,
+    even_sections: int | None = None,
 ) -> BeamModel:
     """Make beams of the members of a truss.
 
@@ -121,6 +122,8 @@ def build_beam_model(
         members (vibration, buckling).
     shear_coefficient : default: `circle_shear_coefficient`.
     joints : radius of the ball at each node, mm: members are as thick as the ball within it. Default: no balls.
+    even_sections : so many sections at equal distances, by the trapezoidal rule, instead of those of Lobatto's: their
+        places do not depend on the radii.
 
     Raises
     ------
@@ -133,6 +136,8 @@ def build_beam_model(
     kappa = circle_shear_coefficient(material.poisson_ratio) if shear_coefficient is None else shear_coefficient
     prismatic = straight and bool((sized.radii == sized.radii[:, :1]).all())
     rule = lobatto_rule(PRISMATIC_SECTIONS if prismatic else TAPERED_SECTIONS)
+    if even_sections is not None:
+        rule = trapezoidal_rule(even_sections)
     splines = fit_splines(truss, straight)
     if joints is None:
         s, shares = (np.broadcast_to(x, (len(truss.members), *x.shape)) for x in _equal_pieces(rule, pieces))
@@ -197,3 +202,10 @@ def lobatto_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray,
     legendre = np.polynomial.legendre.Legendre.basis(count - 1)
     x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
     return (x + 1) / 2, 1 / (count * (count - 1) * legendre(x) ** 2)
+
+
+def trapezoidal_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Abscissae in [0, 1] at equal distances, both ends among them, and their weights."""
+    w = np.full(count, 1 / (count - 1))
+    w[[0, -1]] /= 2
+    return np.linspace(0.0, 1.0, count), w

@@ -45,6 +45,8 @@ def cell_faces(truss: Truss) -> Int[np.ndarray, "n_q 4"]:
     pairs = sp.triu(two_steps, k=1).tocoo()
     twice = pairs.data == 2
     a, c = pairs.row[twice], pairs.col[twice]
+    if not len(a):
+        return np.zeros((0, 4), np.int64)
     # Two numbers from their sum and the sum of their squares.
     total, squares = (np.asarray(sp.csr_matrix(A @ sp.diags(w) @ A)[a, c]).ravel() for w in (number, number**2))
     gap = np.sqrt(2 * squares - total**2)

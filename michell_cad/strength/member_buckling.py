@@ -21,6 +21,20 @@ from michell_cad.strength.beam_solution import BeamSolution
 
 def critical_forces(model: BeamModel) -> Float[np.ndarray, " n_m"]:
     """Compressive force at which each member buckles by itself, N."""
+    return _columns(model)[0]
+
+
+def critical_force_slopes(model: BeamModel) -> Float[np.ndarray, "n_e k"]:
+    """Derivatives of the logarithm of the force at which each member buckles by that of the area of each section.
+
+    The force goes with the quotient's denominator alone, the constant c of the guided column being where it is least:
+    a section has a part in it as it has in the integral of m^2 / (E I), and E I goes with the square of the area.
+    """
+    return 2 * _columns(model)[1]
+
+
+def _columns(model: BeamModel) -> tuple[Float[np.ndarray, " n_m"], Float[np.ndarray, "n_e k"]]:
+    """Critical forces, and the parts of the sections in the integral of m^2 / (E I) of the lower mode."""
     first = model.first_elements
     length = np.add.reduceat(model.lengths, first)
     s = model.stations
@@ -29,11 +43,16 @@ def critical_forces(model: BeamModel) -> Float[np.ndarray, " n_m"]:
     def summed(density: np.ndarray) -> np.ndarray:
         return np.add.reduceat((model.weights * density).sum(1), first)
 
+    def of_elements(value: np.ndarray) -> np.ndarray:
+        return value[model.member_of_element, None]
+
     # Integrated alike above and below, so that the result is exact where the radius is constant.
     c, w = np.cos(np.pi * s), np.sin(np.pi * s)
-    guided = summed(c**2) / (summed(c**2 / EI) - summed(c / EI) ** 2 / summed(1 / EI))
-    pinned = summed(w**2) / summed(w**2 / EI)
-    return (np.pi / length) ** 2 * np.minimum(guided, pinned)
+    turned = c - of_elements(summed(c / EI) / summed(1 / EI))
+    guided, pinned = summed(c**2) / summed(turned**2 / EI), summed(w**2) / summed(w**2 / EI)
+    moment = np.where(of_elements(guided < pinned), turned, w) ** 2 / EI
+    share = model.weights * moment / of_elements(summed(moment))
+    return (np.pi / length) ** 2 * np.minimum(guided, pinned), share
 
 
 def member_buckling_factors(solution: BeamSolution, columns: BeamModel | None = None) -> Float[np.ndarray, "n_c n_m"]:

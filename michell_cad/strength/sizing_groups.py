@@ -39,6 +39,11 @@ class SizingGroups:
         """n_x."""
         return self.middle.get_shape()[1]
 
+    @property
+    def by_place(self) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix]:
+        """W for the first nodes, the middles and the second nodes of the members."""
+        return self.ends[0], self.middle, self.ends[1]
+
     @cached_property
     def shares(self) -> sp.csr_matrix:
         """How much of each member belongs to each variable: the mean of W over its ends and middle, (n_m, n_x)."""
@@ -51,8 +56,17 @@ class SizingGroups:
 
     def radii(self, x: Float[np.ndarray, " n_x"]) -> Float[np.ndarray, "n_m 3"]:
         """Radii at the first node, in the middle and at the second node of each member."""
-        logs = [W @ x for W in (self.ends[0], self.middle, self.ends[1])]
-        return np.sqrt(np.exp(np.stack(logs, axis=1)) / np.pi)
+        return np.sqrt(np.exp(np.stack([W @ x for W in self.by_place], axis=1)) / np.pi)
+
+    def gradient(self, by_area: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_x"]:
+        """Derivatives by x, from those by the logarithms of the three areas of each member."""
+        first, middle, second = self.by_place
+        return first.T @ by_area[:, 0] + middle.T @ by_area[:, 1] + second.T @ by_area[:, 2]
+
+    def nearest(self, radii: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_x"]:
+        """The x whose radii resemble some others: for every variable the mean of what it has a share in."""
+        logs = np.log(np.pi * radii**2)
+        return self.gradient(logs) / self.gradient(np.ones(logs.shape))
 
 
 def group_members(truss: Truss, by: SizedBy) -> SizingGroups:

@@ -7,10 +7,11 @@ import pytest
 
 from michell_cad.cad.carry import carry_over
 from michell_cad.cad.fidelity import curve_deviation
-from michell_cad.cad.layout import Layout, settle, start_layout
+from michell_cad.cad.layout import SHORTEST_TUBE, Layout, settle, start_layout
 from michell_cad.cad.nodes import cap_angle
 from michell_cad.cad.placement import place
 from michell_cad.cad.prepare import prepare_truss
+from michell_cad.cad.prepared import node_room
 from michell_cad.cad.simplify import simplify_truss
 from michell_cad.knobs import Knobs
 from michell_cad.truss import SizedTruss, Truss
@@ -120,3 +121,16 @@ def test_carried_over_equals_laid_out_anew(seed, ordered) -> None:
     assert carried.mitres.keys() == fresh.mitres.keys()
     for layout in (old, carried, fresh):
         assert seams_begin_on_their_circles(layout)
+
+
+def test_room_is_what_the_shortest_member_leaves() -> None:
+    """In a grid of equal members the room is the radius at which two nodes and the shortest tube fill a cell."""
+    truss = grid_truss((3, 3, 3), warp=0.0)
+    thin, thick = (prepare_truss(sized(truss, r), Knobs()) for r in (0.4, 0.8))
+    room = node_room(thin)
+    np.testing.assert_allclose(room, node_room(thick), rtol=1e-6)
+    reach = thin.sizes.reach.reshape(-1, 2).sum(1) + SHORTEST_TUBE * 0.4
+    np.testing.assert_allclose(room.min(), 0.4 / (reach / thin.sized.truss.lengths).max(), rtol=1e-9)
+    below, above = (prepare_truss(sized(truss, share * room.min()), Knobs()) for share in (0.99, 1.01))
+    assert (below.layout.level == 0).all()
+    assert (above.layout.level > 0).any()

@@ -7,8 +7,9 @@ from frames import STEEL, cube_frame, frame, loading
 from michell_cad.curves import Curve, CurveKind
 from michell_cad.errors import ConvergenceError, InvalidInputError
 from michell_cad.strength import SizingOptions, build_beam_model, size_members, solve_beams
-from michell_cad.strength.sizing import BUCKLING_MARGIN
 from michell_cad.strength.sizing_groups import group_members
+from michell_cad.strength.stiffest import BUCKLING_MARGIN
+from michell_cad.strength.strongest import LAST_POWER
 from michell_cad.truss import Truss
 
 FINE = SizingOptions(tolerance=1e-9, smallest_radius=1e-4, largest_radius=10.0)
@@ -25,13 +26,21 @@ def stepped_bar():
     return sized.truss, loading(5, [0], case), np.array([5.0, 4, 2, 1])
 
 
-@pytest.mark.parametrize("criterion", ["compliance", "stress"])
-def test_known_optimum_of_a_stepped_bar(criterion):
-    """Least sum of N^2 L / (E A) at sum A L = V: A proportional to |N|, C = (sum |N| L)^2 / (E V); one stress."""
+def test_known_optimum_of_a_stepped_bar():
+    """Least sum of N^2 L / (E A) at sum A L = V: A proportional to |N|, C = (sum |N| L)^2 / (E V)."""
     truss, load, N = stepped_bar()
-    sized, report = size_members(truss, STEEL, load, 50.0, replace(FINE, criterion=criterion))
+    sized, report = size_members(truss, STEEL, load, 50.0, FINE)
     np.testing.assert_allclose(areas_of(sized), N * 50 / (N @ truss.lengths), rtol=1e-8)
     assert report.compliances[-1] == pytest.approx((N @ truss.lengths) ** 2 / (210000 * 50), rel=1e-9)
+
+
+def test_known_optimum_of_the_norm_of_a_stepped_bar():
+    """Least sum of L (N / A)^p at sum A L = V: A goes with |N|^(p / (p + 1)), one stress where p tends to infinity."""
+    truss, load, N = stepped_bar()
+    sized, report = size_members(truss, STEEL, load, 50.0, replace(FINE, criterion="stress"))
+    expected = N ** (LAST_POWER / (LAST_POWER + 1))
+    np.testing.assert_allclose(areas_of(sized), expected * 50 / (expected @ truss.lengths), rtol=3e-3)
+    assert max(report.factors) == pytest.approx(235 * 50 / (N @ truss.lengths), rel=0.015)
 
 
 def test_known_optimum_of_a_determinate_truss():
@@ -54,12 +63,16 @@ def test_volume_is_kept_and_bounds_hold(criterion):
     options = SizingOptions(criterion, 0.08, 0.14)
     sized, report = size_members(truss, STEEL, load, 0.9, options)
     assert build_beam_model(sized, STEEL).volume == pytest.approx(0.9, rel=1e-12)
-    assert sized.radii.min() == pytest.approx(0.08, rel=1e-12)
-    assert sized.radii.max() == pytest.approx(0.14, rel=1e-12)
+    assert sized.radii.min() == pytest.approx(0.08, rel=1e-8)
+    assert sized.radii.max() == pytest.approx(0.14, rel=1e-8)
     again, _ = size_members(truss, STEEL, load, 0.9, options)
     np.testing.assert_array_equal(again.radii, sized.radii)
     solution = solve_beams(build_beam_model(sized, STEEL), load)
-    assert report.compliances[-1] == pytest.approx(solution.compliances.sum(), rel=1e-12)
+    if criterion == "compliance":
+        assert report.compliances[-1] == pytest.approx(solution.compliances.sum(), rel=1e-12)
+    else:
+        # The trapezoidal rule of even sections errs by a ten-thousandth in the flexibility of a bent member.
+        assert max(report.factors) == pytest.approx(235 / solution.peak_stress.max(), rel=1e-3)
 
 
 def test_the_optimum_of_a_frame_is_stationary():
@@ -92,8 +105,9 @@ def test_weights_of_load_cases_decide():
 
 
 @pytest.mark.parametrize("pull", [1.0, -1.0])
-def test_stress_with_buckling_gives_every_bar_the_same_factor(pull):
-    """In tension A goes with N; in compression with N while it yields, with N^(1/2) L where it buckles first."""
+def test_stress_with_buckling_gives_every_bar_about_the_same_factor(pull):
+    """In tension A goes with N; in compression with N while it yields, with N^(1/2) L where it buckles first. The norm
+    comes within 4 % of it."""
     truss, load, _ = stepped_bar()
     load = replace(load, forces=10.0 * pull * load.forces)
     options = replace(FINE, criterion="stress", buckling=True, tolerance=1e-12)
@@ -101,7 +115,8 @@ def test_stress_with_buckling_gives_every_bar_the_same_factor(pull):
     force, L = 10 * pull * np.array([5.0, 4, 2, -1]), truss.lengths
     yields = 235 * areas_of(sized) / np.abs(force)
     buckles = np.where(force < 0, np.pi * 210000 * areas_of(sized) ** 2 / (4 * L**2 * np.abs(force)), np.inf)
-    np.testing.assert_allclose(np.minimum(yields, buckles), report.factors[-1], rtol=1e-6)
+    np.testing.assert_allclose(np.minimum(yields, buckles), max(report.factors), rtol=0.05)
+    assert np.minimum(yields, buckles).min() == pytest.approx(max(report.factors), rel=1e-6)
     assert (buckles < yields).any()
 
 
@@ -159,7 +174,25 @@ def test_radii_of_a_curve_change_smoothly_and_those_of_a_family_not_at_all():
     }
     assert c["member"] < c["curve"] < c["family"] < results["family", "compliance"][1].compliances[0]
     f = {by: max(results[by, "stress"][1].factors) for by, _ in results}
-    assert f["member"] > f["curve"] > f["family"] > 1.001 * results["family", "stress"][1].factors[0]
+    assert min(f["member"], f["curve"]) > f["family"] > 1.001 * results["family", "stress"][1].factors[0]
+
+
+def test_the_strongest_radii_do_not_depend_on_where_one_starts():
+    truss = arc_truss()
+    load = loading(18, [0, 17], {16: (3.0, 2.0, 1.0, 0, 0, 0)})
+    volume, options = 2.0 * truss.lengths.sum(), SizingOptions("stress")
+    _, report = size_members(truss, STEEL, load, volume, options)
+    smooth, _ = size_members(truss, STEEL, load, volume, replace(options, by="curve"))
+    sized, again = size_members(truss, STEEL, load, volume, options, start=smooth.radii)
+    assert again.factors[0] < 0.9 * max(again.factors)
+    assert max(again.factors) == pytest.approx(max(report.factors), rel=0.02)
+    assert max(report.factors) > 4 * report.factors[0]
+    # Room at one node bounds what meets there, and nothing else.
+    room = np.full(18, 10.0)
+    room[0] = 0.7 * sized.radii[0, 0]
+    tight, _ = size_members(truss, STEEL, load, volume, options, start=smooth.radii, room=room)
+    assert tight.radii[[0, 16]].max() <= room[0] * (1 + 1e-9)
+    assert tight.radii[1:16].max() > room[0]
 
 
 def test_shares_of_groups_add_up():
@@ -191,8 +224,8 @@ def test_refusals():
         size_members(truss, STEEL, load, -1.0)
     with pytest.raises(InvalidInputError, match=r"needs a mean radius of 0.3989 mm, but members may have 1 to 2 mm"):
         size_members(truss, STEEL, load, 50.0, SizingOptions(smallest_radius=1.0, largest_radius=2.0))
-    with pytest.raises(InvalidInputError, match=r"hold at most 2\.827e\+04 mm\^3, found a volume of 3e\+04 mm\^3"):
-        size_members(replace(truss, spacing=1000.0), STEEL, load, 3e4)
+    with pytest.raises(InvalidInputError, match=r"hold at most 3\.848e\+04 mm\^3, found a volume of 4e\+04 mm\^3"):
+        size_members(replace(truss, spacing=1000.0), STEEL, load, 4e4)
     for wrong in ({"tolerance": 0.0}, {"steps": 0}, {"smallest_radius": -1.0}, {"largest_radius": np.inf}):
         with pytest.raises(InvalidInputError, match=f"{next(iter(wrong))} must"):
             SizingOptions(**wrong)

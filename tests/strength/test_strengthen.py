@@ -12,6 +12,7 @@ from michell_cad.parametrization import Parametrization
 from michell_cad.pipeline import DesignOptions, design
 from michell_cad.splines import fit_splines
 from michell_cad.strength import (
+    Buildable,
     StrengthenOptions,
     add_off_axis_cases,
     build_beam_model,
@@ -21,6 +22,7 @@ from michell_cad.strength import (
     strengthen,
     strengthen_block,
 )
+from michell_cad.strength.sized_for_loads import widest_radii
 from michell_cad.truss import SizedTruss, keep_curves
 
 
@@ -85,6 +87,28 @@ def test_braces_are_kept_only_if_they_pay(bar):
     )
     assert none.braces == 0
     assert notes == []
+
+
+def test_what_building_says_is_sized_again():
+    """A builder that leaves the truss as it is, with balls of 1.4 radii and little room: reported is what it leaves."""
+    small = design(cantilever((6, 3, 3)), DesignOptions(resolution=4))
+    seen = []
+
+    def build(sized):
+        widest = widest_radii(sized)
+        seen.append(float(sized.radii.max()))
+        return Buildable(sized, 1.4 * widest, np.full(len(widest), 0.8 * seen[1] if len(seen) > 1 else np.inf))
+
+    options = StrengthenOptions(size_by="member", volume_fraction=0.09, straight=True, buckling=False)
+    sized = apply_knobs(small.truss, Knobs())
+    result, report, _ = strengthen(small.problem, small.stress_field, small.parametrization, sized, options, build)
+    assert len(seen) > 2  # equal members, then sized ones at least twice
+    assert max(seen[2:]) <= 0.8 * seen[1] * (1 + 1e-9)
+    loading = add_off_axis_cases(carry_over_loads(small.problem, result.truss))
+    model = build_beam_model(result, small.problem.material, joints=1.4 * widest_radii(result))
+    peak = solve_beams(model, loading).peak_stress.max()
+    assert report.failure_factor == pytest.approx(small.problem.material.yield_strength / peak, rel=1e-9)
+    assert report.failure_gain > 2
 
 
 def test_a_job_states_all_of_it():

@@ -12,7 +12,8 @@ from michell_cad.strength.comparison.grids import regular_grid, turned_axes
 from michell_cad.strength.comparison.ground_structure import optimal_ground_structure
 from michell_cad.strength.comparison.hexes import conforming_map, hex_truss
 from michell_cad.strength.loads import carry_over_loads
-from michell_cad.strength.strengthen import StrengthenOptions, size_for_loads
+from michell_cad.strength.strengthen import size_for_loads
+from michell_cad.strength.strengthen_options import StrengthenOptions
 from michell_cad.truss import SizedTruss, Truss
 
 GRID_CELLS = (4, 6, 8)

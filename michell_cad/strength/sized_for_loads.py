@@ -1,0 +1,188 @@
+"""Radii for loads, of a truss that can be built: sizing and building take turns until neither changes the other.
+
+Thick members take room at their nodes: where they have too little, building merges nodes and leads members aside, and
+the forces go with them. How large the balls of the nodes come out decides how thin members bend beside thick ones. So
+what is built is sized again, with the balls that it got, and the strongest of the trusses as built is the result.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from michell_cad.problem import DesignProblem
+from michell_cad.strength.beam_model import build_beam_model
+from michell_cad.strength.beam_solver import solve_beams
+from michell_cad.strength.braces import add_braces
+from michell_cad.strength.loads import TrussLoading, add_off_axis_cases, carry_over_loads
+from michell_cad.strength.mechanism import leave_out_loose_parts
+from michell_cad.strength.member_buckling import member_buckling_factors
+from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
+from michell_cad.strength.strengthen_options import StrengthenOptions
+from michell_cad.truss import SizedTruss, Truss
+
+
+@dataclass(frozen=True, eq=False)
+class Buildable:
+    """A truss changed so that it can be built.
+
+    Parameters
+    ----------
+    sized : the truss.
+    balls : (n_n,) radius of the ball at each node, mm.
+    room : (n_n,) radius to which the thickest member at each node could grow, the others in proportion, until the
+        shortest one there had no tube left between its two nodes, mm.
+    """
+
+    sized: SizedTruss
+    balls: Float[np.ndarray, " n_n"]
+    room: Float[np.ndarray, " n_n"]
+
+
+Build = Callable[[SizedTruss], Buildable]
+"""Makes a truss buildable."""
+
+FIRST_RATIO = 1.5
+"""Radius of the ball at a node over the largest radius there, before anything is built: two equal members at a right
+angle need as much."""
+
+ROUNDS = 6
+"""So often what is built is sized again. After two or three rounds building changes no members any more; the balls, and
+with them the bending of thin members, go on changing a little."""
+
+SETTLED = 0.02
+"""It is enough when the truss as built is weaker by less than this than sizing thought (relative)."""
+
+BRACE_PAYS = 1.5
+"""A brace that sizing makes no thicker than this times the smallest radius carries nothing worth its node's room."""
+
+ENOUGH_PAY = 0.8
+"""Where more than this share of the braces carry, the rest is left out without another look (relative)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """A truss as it can be built, and what it carries.
+
+    Parameters
+    ----------
+    sized : the truss.
+    factor : of all loads, also tilted, at which a first member yields or, if that is asked for, buckles.
+    compliance : weighted sum over all load cases, N mm.
+    converged : whether its radii settled.
+    """
+
+    sized: SizedTruss
+    factor: float
+    compliance: float
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SizedForLoads:
+    """How trusses of one part are sized.
+
+    Parameters
+    ----------
+    problem : the part and its loads.
+    volume : sum of the members' volumes, mm^3.
+    options : StrengthenOptions
+    build : None: members may be too thick for their nodes.
+    """
+
+    problem: DesignProblem
+    volume: float
+    options: StrengthenOptions
+    build: Build | None
+
+    def equal(self, truss: Truss) -> SizedTruss:
+        """Equal members of the volume."""
+        one = build_beam_model(SizedTruss(truss, np.ones((len(truss.members), 3))), self.problem.material, False)
+        return SizedTruss(truss, np.full((len(truss.members), 3), np.sqrt(self.volume / one.volume)))
+
+    def score(self, item: Sized) -> float:
+        """What the criterion makes large."""
+        return item.factor if self.options.criterion == "stress" else -item.compliance
+
+    def size(self, truss: Truss) -> Sized:
+        """The best radii of a truss that can be built, and what building makes of it."""
+        sized, report = self._radii(truss, np.full(len(truss.nodes), FIRST_RATIO))
+        best, built = self.measured(sized, report.converged)
+        found = best
+        for _ in range(ROUNDS if built is not None else 0):
+            assert built is not None
+            same = len(built.sized.truss.members) == len(sized.truss.members)
+            if same and (self.options.criterion == "compliance" or found.factor > (1 - SETTLED) * max(report.factors)):
+                break
+            widest = widest_radii(built.sized)
+            ratios = np.divide(built.balls, widest, out=np.zeros(len(widest)), where=widest > 0)
+            sized, report = self._radii(found.sized.truss, ratios, found.sized.radii, built.room)
+            found, built = self.measured(sized, report.converged)
+            best = found if self.score(found) > self.score(best) else best
+        return best
+
+    def measured(self, sized: SizedTruss, converged: bool = True) -> tuple[Sized, Buildable | None]:
+        """A truss as it is built, and what building said."""
+        built = None
+        if self.build is not None:
+            built = self.build(sized)
+            sized, _ = leave_out_loose_parts(self.problem, built.sized)
+        material, straight = self.problem.material, sized.truss.straight
+        columns = build_beam_model(sized, material, straight)
+        model = columns if built is None else build_beam_model(sized, material, straight, joints=built.balls)
+        loading = self._loading(sized.truss)
+        solution = solve_beams(model, loading)
+        factor = material.yield_strength / float(solution.peak_stress.max())
+        if self.options.buckling:
+            factor = min(factor, float(member_buckling_factors(solution, columns).min()))
+        return Sized(sized, factor, float(loading.weights @ solution.compliances), converged), built
+
+    def paying_braces(self, truss: Truss, pairs: Int[np.ndarray, "n_b 2"]) -> Int[np.ndarray, "n_k 2"]:
+        """Of some braces those that sizing makes thick; the others only take volume and room."""
+        while len(pairs):
+            sized, _ = self._radii(add_braces(truss, pairs), np.full(len(truss.nodes), FIRST_RATIO))
+            thick = sized.radii[len(truss.members) :, 1] > BRACE_PAYS * sized.radii.min()
+            if thick.mean() > ENOUGH_PAY:
+                return pairs[thick]
+            pairs = pairs[thick]
+        return pairs
+
+    def _loading(self, truss: Truss) -> TrussLoading:
+        return add_off_axis_cases(carry_over_loads(self.problem, truss), self.options.off_axis_degrees)
+
+    def _radii(
+        self,
+        truss: Truss,
+        ratios: Float[np.ndarray, " n_n"],
+        start: Float[np.ndarray, "n_m 3"] | None = None,
+        room: Float[np.ndarray, " n_n"] | None = None,
+    ) -> tuple[SizedTruss, SizingReport]:
+        options = self.options
+        assert options.size_by is not None  # asked before
+        sizing = SizingOptions(
+            options.criterion,
+            options.smallest_radius,
+            options.largest_radius,
+            straight=truss.straight,
+            by=options.size_by,
+            buckling=options.buckling,
+        )
+        return size_members(
+            truss,
+            self.problem.material,
+            self._loading(truss),
+            self.volume,
+            sizing,
+            strict=False,
+            node_ratios=None if self.build is None else ratios,
+            start=start,
+            room=room,
+        )
+
+
+def widest_radii(sized: SizedTruss) -> Float[np.ndarray, " n_n"]:
+    """Largest radius of the members at each node, mm."""
+    widest = np.zeros(len(sized.truss.nodes))
+    np.maximum.at(widest, sized.truss.members, sized.radii[:, [0, 2]])
+    return widest
