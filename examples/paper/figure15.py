@@ -33,7 +33,7 @@ def cantilever_aligned(problem: mc.DesignProblem) -> mc.Truss:
 
 def cantilever_grid(problem: mc.DesignProblem) -> mc.Truss:
     """A regular grid with a diagonal in every face."""
-    return regular_grid(problem.mesh, (6, 3, 3), braced=True)
+    return regular_grid(problem.mesh, (6, 3, 3), diagonals="parallel")
 
 
 def torsion_aligned(problem: mc.DesignProblem) -> mc.Truss:

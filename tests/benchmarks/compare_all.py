@@ -3,17 +3,16 @@ stronger, and why.
 
     python tests/benchmarks/compare_all.py DIR [--only NAME ...] [--designs DIR] [--most 1500] [--volume-fraction 0.09]
                                                [--criterion stress] [--shear-limit 0.12] [--node-ratio 1.3]
-                                               [--zigzag]
+                                               [--diagonals parallel]
 
 DIR holds the problems and `problems.json` with their resolutions. Designs are made, or read from NAME*.npz files of
 `--designs` that the design command wrote. Of every design each n-th curve is kept, n the least with at most `--most`
-members; the grid has the number of cells along the longest side that comes nearest to as many members; `--zigzag`: with
-diagonals in turns instead of parallel ones. Both have straight members sized one by one, by the same rules, for the
-given loads and these tilted by 5 degrees to four sides, buckling respected; both are made buildable as one solid, and
-scaled to the same volume of that solid. Figures are
-those of the beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is
-better: stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at either
-of the tilted loads, and at the buckling of the whole frame.
+members, and diagonals in its cell faces, zigzag or parallel (which makes a weaker grid). Both have straight members
+sized one by one, by the same rules, for the given loads and these tilted by 5 degrees to four sides, buckling
+respected; both are made buildable as one solid, and scaled to the same volume of that solid. Figures are those of the
+beam model of the truss as built, with the balls of its nodes. Ratios are ours over the grid's, above 1 is better:
+stiffness (compliance of the grid over ours), load at first yield, at first yield or member buckling, at either of the
+tilted loads, and at the buckling of the whole frame.
 """
 
 import argparse
@@ -46,6 +45,7 @@ from michell_cad.strength import (
 )
 from michell_cad.strength.braces import SHEAR_LIMIT
 from michell_cad.strength.comparison import regular_grid
+from michell_cad.strength.comparison.grids import Diagonals
 from michell_cad.strength.frame_buckling import frame_buckling
 from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.member_buckling import member_buckling_factors
@@ -131,13 +131,13 @@ def first_to_fail(solution, yields: np.ndarray, buckles: np.ndarray, sized: Size
     return f"{curve.family}, {how}, bending {bending:.0%}, length {length:.2f}, radius {thick:.2f} of the median"
 
 
-def similar_grid(problem: mc.DesignProblem, members: int, zigzag: bool) -> tuple[str, SizedTruss]:
+def similar_grid(problem: mc.DesignProblem, members: int, diagonals: Diagonals) -> tuple[str, SizedTruss]:
     """The braced grid whose number of members is nearest."""
     extent = np.ptp(problem.mesh.vertices, axis=0)
     best: tuple[float, str, SizedTruss] | None = None
     for size in CELLS:
         a, b, c = np.maximum(np.rint(extent / extent.max() * size), 1).astype(int).tolist()
-        grid = regular_grid(problem.mesh, (a, b, c), braced=True, alternating=zigzag)
+        grid = regular_grid(problem.mesh, (a, b, c), diagonals=diagonals)
         n = len(grid.members)
         if best is None or abs(np.log(n / members)) < best[0]:
             best = abs(np.log(n / members)), f"{a}x{b}x{c}", SizedTruss(grid, np.ones((n, 3)))
@@ -173,7 +173,7 @@ def compare(design: mc.Design, arguments: argparse.Namespace) -> tuple[bool, boo
     )
     build = buildable(knobs)
     shear = rms_shear(problem.mesh, design.stress_field.stress, design.parametrization.tangents)
-    cells, grid = similar_grid(problem, len(sized.truss.members), arguments.zigzag)
+    cells, grid = similar_grid(problem, len(sized.truss.members), arguments.diagonals)
     ours, report, notes = strengthen(problem, design.stress_field, design.parametrization, sized, options, build)
     assert report is not None
     theirs = size_for_loads(problem, grid, options, build)
@@ -206,7 +206,7 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=1500)
     parser.add_argument("--volume-fraction", type=float, default=0.09)
     parser.add_argument("--criterion", choices=("stress", "compliance"), default="stress")
-    parser.add_argument("--zigzag", action="store_true")
+    parser.add_argument("--diagonals", choices=("zigzag", "parallel"), default="zigzag")
     parser.add_argument("--shear-limit", type=float, default=SHEAR_LIMIT)
     parser.add_argument("--node-ratio", type=float, default=1.3)
     arguments = parser.parse_args()

@@ -18,6 +18,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -38,12 +39,13 @@ from michell_cad.strength import (
     strengthen,
 )
 from michell_cad.strength.comparison import regular_grid, scale_to_union
+from michell_cad.strength.comparison.grids import Diagonals
 from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.sizing_groups import SizedBy
 from michell_cad.truss import SizedTruss
 
 GRIDS = {(4, 2, 2): 1.25, (6, 3, 3): 1.40, (8, 4, 4): 1.55}
-"""Braced grids, and the stiffness over theirs that is wanted."""
+"""Braced grids, and the stiffness over theirs that is wanted, whichever way their diagonals run."""
 
 MICHELL = 7.027
 """V* sigma / (F h) of a cantilever strip of height h and length 2 h, load at mid-height of its end."""
@@ -131,17 +133,20 @@ def main() -> None:
     problem = mc.build_problem(Setup(), mc.read_part(arguments.folder / "cantilever_beam.npz"))
     volume = arguments.volume_fraction * float(problem.mesh.volumes.sum())
     grids = {}
-    for cells in GRIDS:
-        grid = with_volume(regular_grid(problem.mesh, cells, braced=True), volume)
-        grids[cells] = measure(problem, grid)
-        print(f"grid {cells} braced, {len(grid.truss.members)} members: {grids[cells]}", flush=True)
+    for cells, diagonals in itertools.product(GRIDS, get_args(Diagonals)):
+        grid = with_volume(regular_grid(problem.mesh, cells, diagonals=diagonals), volume)
+        grids[cells, diagonals] = measure(problem, grid)
+        print(f"grid {cells} {diagonals}, {len(grid.truss.members)} members: {grids[cells, diagonals]}", flush=True)
     for resolution in arguments.resolution:
         parametrization = ParametrizationOptions(spacing_weight=arguments.spacing_weight)
         options = mc.DesignOptions(resolution, layers=arguments.layers, parametrization=parametrization)
         design = mc.design(problem, options)
         for stride in arguments.stride:
             figures, sized = best_offset(problem, design, stride, volume)
-            over = " ".join(f"{grids[c].compliance / figures.compliance:.2f} ({w})" for c, w in GRIDS.items())
+            over = "; ".join(
+                f"{d} " + " ".join(f"{grids[c, d].compliance / figures.compliance:.2f} ({w})" for c, w in GRIDS.items())
+                for d in get_args(Diagonals)
+            )
             print(
                 f"resolution {resolution:g}, every {stride}, {len(sized.truss.members)} members: stiffness over grids "
                 f"(wanted) {over}; sum|N|L/V* {figures.force_path:.3f} (1.20); sqrt(CEV)/Michell "

@@ -45,11 +45,11 @@ def standard_rivals(
         cells = _cells(extent, size)
         name = "grid " + "x".join(map(str, cells))
         trusses[name] = regular_grid(mesh, cells)
-        trusses[f"{name} braced"] = regular_grid(mesh, cells, braced=True)
-        trusses[f"{name} zigzag"] = regular_grid(mesh, cells, alternating=True)
+        trusses[f"{name} braced"] = regular_grid(mesh, cells, diagonals="parallel")
+        trusses[f"{name} zigzag"] = regular_grid(mesh, cells, diagonals="zigzag")
     cells = _cells(extent, sizes[-1])
     axes = turned_axes(45.0, int(np.argsort(extent)[1]))
-    trusses["grid " + "x".join(map(str, cells)) + " turned"] = regular_grid(mesh, cells, axes, braced=True)
+    trusses["grid " + "x".join(map(str, cells)) + " turned"] = regular_grid(mesh, cells, axes, "parallel")
     edge = float(extent.max()) / sizes[-1] if spacing is None else spacing
     notes = []
     try:

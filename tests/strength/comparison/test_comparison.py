@@ -44,13 +44,13 @@ def load_in_plane(nodes, held, node, force):
 def test_grids_have_the_nodes_of_boxes():
     for cells, braced in (((4, 2, 2), False), ((2, 1, 1), True)):
         a, b, c = cells
-        truss = regular_grid(PROBLEM.mesh, cells, braced=braced)
+        truss = regular_grid(PROBLEM.mesh, cells, diagonals="parallel" if braced else None)
         plain = a * (b + 1) * (c + 1) + (a + 1) * b * (c + 1) + (a + 1) * (b + 1) * c
         faces = a * b * (c + 1) + a * (b + 1) * c + (a + 1) * b * c
         assert len(truss.nodes) == (a + 1) * (b + 1) * (c + 1)
         assert len(truss.members) == plain + braced * faces
         np.testing.assert_allclose(np.ptp(truss.nodes, axis=0), [80, 40, 40], rtol=1e-2)
-    turns = regular_grid(PROBLEM.mesh, (4, 2, 2), alternating=True)
+    turns = regular_grid(PROBLEM.mesh, (4, 2, 2), diagonals="zigzag")
     diagonals = np.concatenate([[curve.nodes for curve in turns.curves if curve.family == "brace"]])
     assert len(diagonals) == 4 * 2 * 3 * 2 + 5 * 2 * 2
     assert (np.rint(turns.nodes[diagonals] / 20).sum(2) % 2 == 0).all()

@@ -127,8 +127,8 @@ def test_no_truss_of_as_much_material_is_stiffer():
     design = optimise_voxels(PROBLEM, volume, VoxelOptions(count=432))
     rows = voxel_rows(PROBLEM, design, volume)
     trusses = [
-        regular_grid(PROBLEM.mesh, (4, 2, 2), alternating=True),
-        regular_grid(PROBLEM.mesh, (2, 1, 1), braced=True),
+        regular_grid(PROBLEM.mesh, (4, 2, 2), diagonals="zigzag"),
+        regular_grid(PROBLEM.mesh, (2, 1, 1), diagonals="parallel"),
     ]
     candidates = [Candidate("grid", equal_members(PROBLEM, truss)) for truss in trusses]
     for row in compare_trusses(PROBLEM, candidates, volume):
