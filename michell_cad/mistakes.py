@@ -24,6 +24,10 @@ EXPECTED = {
 def expected(item: Any) -> str:
     """What one of pydantic's errors says was expected."""
     text: str = item["msg"]
+    if item["type"] == "too_long":
+        return f"expected at most {item['ctx']['max_length']} entries"
+    if item["type"] == "too_short":
+        return f"expected at least {item['ctx']['min_length']} entries"
     return f"expected {EXPECTED.get(item['type'], text.removeprefix('Input should be '))}"
 
 

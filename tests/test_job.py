@@ -227,6 +227,7 @@ def test_schema_describes_every_key_and_accepts_the_examples():
             "[[load]] 2: force[2]: expected a number",
         ),
         ({"load": [{**END, "force": [0, 1]}]}, "[[load]] 1: force: has too few entries"),
+        ({"load": [{**END, "force": [0, 1, 2, 3]}]}, "[[load]] 1: force: expected at most 3 entries, found"),
         ({"load": [{**END, "force": [0, 0, 0]}]}, "[[load]] 1: force is zero"),
         ({"load": [{**END, "force": [0, 0, float("nan")]}]}, "[[load]] 1: force[3]: expected a finite number"),
         ({"load": [{**END, "torque": {"moment": 0, "axis": [1, 0, 0]}}]}, "torque is zero"),

@@ -232,28 +232,26 @@ def _describe(layout: Layout, changes: Changes) -> PreparedTruss:
 def _messages(layout: Layout, changes: Changes, sharp: int, turned: int) -> tuple[str, ...]:
     lines = []
     if sharp:
-        lines.append(
-            f"{sharp} nodes have members at acute angles that meet in sharp edges, since no fillets are wanted"
-        )
+        lines.append(f"nodes whose members at acute angles meet in sharp edges, since no fillets are wanted: {sharp}")
     if changes.merged_nodes:
-        lines.append(f"{changes.merged_nodes} nodes were merged with another: the members between them are too short")
+        lines.append(f"nodes merged with another, since the members between them are too short: {changes.merged_nodes}")
     if changes.rerouted_members:
         lines.append(
-            f"{changes.rerouted_members} members were led through a node beside them, since they overlap another member"
+            f"members led through a node beside them, since they overlap another member: {changes.rerouted_members}"
         )
     if changes.joints:
-        lines.append(f"{changes.joints} nodes were added where members cross")
+        lines.append(f"nodes added where members cross: {changes.joints}")
     removed = changes.original_members - len(layout.sized.truss.members)
     if removed:
-        lines.append(f"the solid has {abs(removed)} members {'fewer' if removed > 0 else 'more'} than the truss")
+        lines.append(f"members {'fewer' if removed > 0 else 'more'} in the solid than in the truss: {abs(removed)}")
     smoothed, straight = layout.smoothed > 0, layout.smoothed == len(SMOOTHINGS)
     if (smoothed & ~straight).any():
         lines.append(
-            f"{int((smoothed & ~straight).sum())} members follow a smoother curve: theirs bends too sharply for their "
-            "radius"
+            "members on a smoother curve than their own, which bends too sharply for their radius: "
+            f"{int((smoothed & ~straight).sum())}"
         )
     if straight.any():
-        lines.append(f"{int(straight.sum())} members are straight: their radius is too large for their bend")
+        lines.append(f"members made straight, since their radius is too large for their bend: {int(straight.sum())}")
     return tuple(lines)
 
 

@@ -59,7 +59,7 @@ def test_a_crossing_far_from_nodes_becomes_a_node() -> None:
     assert report.crossings == 0
     assert (report.solids, report.nodes, report.members) == (1, 5, 4)
     assert report.fallback_nodes == {"merged": 1}
-    assert any("1 nodes were added" in text for text in report.messages)
+    assert any(text == "nodes added where members cross: 1" for text in report.messages)
 
 
 def test_a_crossing_without_room_for_a_node_is_reported_with_both_labels() -> None:
