@@ -13,7 +13,7 @@ from michell_cad.parametrization import (
     parametrize,
 )
 from michell_cad.parametrization.equation_11 import integrate_frames
-from michell_cad.parametrization.fold_barrier import _BarrierEnergy, remove_folds
+from michell_cad.parametrization.fold_barrier import BarrierEnergy, remove_folds
 from michell_cad.parametrization.jacobians import cofactors, determinants, product, transposed
 from michell_cad.parametrization.phase import CLEARANCE, MOST_STRETCH, choose_phases, hug_faces
 from michell_cad.parametrization.stress_following import _FollowingEnergy
@@ -66,7 +66,7 @@ def test_energies_have_the_gradient_they_claim(which):
     phi = mesh.vertices + 0.05 * rng.normal(size=mesh.vertices.shape)
     if which == "barrier":
         frames = random_frames(mesh, 0.4)
-        energy = _BarrierEnergy(mesh, frames, 0.1, integrate_frames(mesh, frames, 0.1))
+        energy = BarrierEnergy(mesh, frames, 0.1, integrate_frames(mesh, frames, 0.1))
         energy.eps = 0.3
     else:
         stress = rng.normal(size=(len(mesh.tets), 3, 3))

@@ -40,82 +40,12 @@ takes it; like this the map is the one found from the solution of Eq. 11, to fiv
 """
 
 
-def remove_folds(
-    mesh: TetMesh,
-    frames: Float[np.ndarray, "n_t 3 3"],
-    spacing_weight: float,
-    linear: LeastSquaresMap,
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> Float[np.ndarray, "n_v 3"]:
-    """Minimise Eq. 11 with the barrier: first from its linear solution, else as interior point from a rotation.
-
-    Raises
-    ------
-    InvalidInputError
-        If that is because the tets of the mesh itself overlap.
-    ConvergenceError
-        If neither way ends in a map without inverted tets and doubly wound edges.
-    """
-    energy = _BarrierEnergy(mesh, frames, spacing_weight, linear)
-    phi = _untangle(energy, linear)
-    if energy.feasible(phi):
-        energy.eps, energy.stiffness = 0.0, 1.0
-        phi, _ = minimize(energy, phi, linear.precondition, iterations=_FINAL_ITERATIONS, tolerance=_TOLERANCE)
-        if count_double_wound_edges(mesh, phi) == 0:
-            return phi
-    progress(0.5)
-    phi = energy.scale ** (1 / 3) * (mesh.vertices - mesh.vertices.mean(0)) @ _nearest_rotation(mesh, linear.phi).T
-    for factor in _INTERIOR_WEIGHTS:
-        energy.stiffness, energy.eps = factor, 0.0
-        phi, _ = minimize(
-            energy, phi, linear.precondition, iterations=_INTERIOR_ITERATIONS, tolerance=_INTERIOR_TOLERANCE * factor
-        )
-    require_injective(mesh, phi)
-    return phi
-
-
-def untangled_start(
-    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float, linear: LeastSquaresMap
-) -> Float[np.ndarray, "n_v 3"] | None:
-    """An injective map near the solution of Eq. 11, good enough to start from; None if there is none close by."""
-    energy = _BarrierEnergy(mesh, frames, spacing_weight, linear)
-    phi = _untangle(energy, linear)
-    return phi if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0 else None
-
-
-def require_injective(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> None:
-    """Refuse a map with inverted tets or doubly wound edges.
-
-    Raises
-    ------
-    InvalidInputError
-        If that is because the tets of the mesh itself overlap.
-    ConvergenceError
-        Otherwise.
-    """
-    if np.linalg.det(mesh.gradients(phi)).min() > 0 and count_double_wound_edges(mesh, phi) == 0:
-        return
-    overlaps = count_double_wound_edges(mesh, mesh.vertices)
-    if overlaps:
-        raise InvalidInputError(
-            f"the tets of the mesh overlap: around {overlaps} inner edges they do not close to one full turn. "
-            "Mesh the part again"
-        )
-    raise ConvergenceError(
-        "the parametrization could not be freed of folds; use a finer mesh, or a larger spacing_weight"
-    )
-
-
-def barrier_energy(
-    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float, linear: LeastSquaresMap
-) -> tuple[Callable[[np.ndarray], tuple[float, np.ndarray]], Float[np.ndarray, " n_t"], Float[np.ndarray, " n_t"]]:
-    """The energy of Eq. 11 with barrier, about its second derivative by grad phi in each tet, and the tets' weights."""
-    return _BarrierEnergy(mesh, frames, spacing_weight, linear), 2 * linear.weights, linear.weights
-
-
 @dataclass(eq=False)
-class _BarrierEnergy:
-    """Value and gradient of Eq. 11 with barrier; `eps` and `stiffness` vary from round to round."""
+class BarrierEnergy:
+    """Value and gradient of Eq. 11 with barrier; `eps` and `stiffness`, a factor on mu, vary from round to round.
+
+    Its second derivative by grad phi in a tet is about twice the tet's weight.
+    """
 
     mesh: TetMesh
     frames: Float[np.ndarray, "n_t 3 3"]
@@ -160,7 +90,84 @@ class _BarrierEnergy:
         return np.linalg.det(self.mesh.gradients(phi))
 
 
-def _untangle(energy: _BarrierEnergy, linear: LeastSquaresMap) -> np.ndarray:
+def remove_folds(
+    mesh: TetMesh,
+    frames: Float[np.ndarray, "n_t 3 3"],
+    spacing_weight: float,
+    linear: LeastSquaresMap,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Float[np.ndarray, "n_v 3"]:
+    """Minimise Eq. 11 with the barrier: first from its linear solution, else as interior point from a rotation.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is because the tets of the mesh itself overlap.
+    ConvergenceError
+        If neither way ends in a map without inverted tets and doubly wound edges.
+    """
+    energy = BarrierEnergy(mesh, frames, spacing_weight, linear)
+    phi = _untangle(energy, linear)
+    if energy.feasible(phi):
+        energy.eps, energy.stiffness = 0.0, 1.0
+        phi, _ = minimize(energy, phi, linear.precondition, iterations=_FINAL_ITERATIONS, tolerance=_TOLERANCE)
+        if count_double_wound_edges(mesh, phi) == 0:
+            return phi
+    progress(0.5)
+    phi = energy.scale ** (1 / 3) * (mesh.vertices - mesh.vertices.mean(0)) @ _nearest_rotation(mesh, linear.phi).T
+    phi = lower_barrier(energy, energy, phi, linear.precondition)
+    require_injective(mesh, phi)
+    return phi
+
+
+def lower_barrier(
+    barrier: BarrierEnergy,
+    energy: Callable[[np.ndarray], tuple[float, np.ndarray]],
+    phi: Float[np.ndarray, "n_v 3"],
+    precondition: Callable[[np.ndarray], np.ndarray],
+) -> Float[np.ndarray, "n_v 3"]:
+    """Minimise from a map without folds while the barrier, a part of the energy, falls to its weight in steps."""
+    for factor in _INTERIOR_WEIGHTS:
+        barrier.stiffness, barrier.eps = factor, 0.0
+        phi, _ = minimize(
+            energy, phi, precondition, iterations=_INTERIOR_ITERATIONS, tolerance=_INTERIOR_TOLERANCE * factor
+        )
+    return phi
+
+
+def untangled_start(
+    mesh: TetMesh, frames: Float[np.ndarray, "n_t 3 3"], spacing_weight: float, linear: LeastSquaresMap
+) -> Float[np.ndarray, "n_v 3"] | None:
+    """An injective map near the solution of Eq. 11, good enough to start from; None if there is none close by."""
+    energy = BarrierEnergy(mesh, frames, spacing_weight, linear)
+    phi = _untangle(energy, linear)
+    return phi if energy.feasible(phi) and count_double_wound_edges(mesh, phi) == 0 else None
+
+
+def require_injective(mesh: TetMesh, phi: Float[np.ndarray, "n_v 3"]) -> None:
+    """Refuse a map with inverted tets or doubly wound edges.
+
+    Raises
+    ------
+    InvalidInputError
+        If that is because the tets of the mesh itself overlap.
+    ConvergenceError
+        Otherwise.
+    """
+    if np.linalg.det(mesh.gradients(phi)).min() > 0 and count_double_wound_edges(mesh, phi) == 0:
+        return
+    overlaps = count_double_wound_edges(mesh, mesh.vertices)
+    if overlaps:
+        raise InvalidInputError(
+            f"the tets of the mesh overlap: around {overlaps} inner edges they do not close to one full turn. "
+            "Mesh the part again"
+        )
+    raise ConvergenceError(
+        "the parametrization could not be freed of folds; use a finer mesh, or a larger spacing_weight"
+    )
+
+
+def _untangle(energy: BarrierEnergy, linear: LeastSquaresMap) -> np.ndarray:
     """From the solution of Eq. 11 to positive determinants, if the rounds suffice."""
     phi = linear.phi
     energy(phi)

@@ -16,7 +16,7 @@ from michell_cad.frame_field import FrameField, matching_metric
 from michell_cad.parametrization.cells import measure_cells
 from michell_cad.parametrization.equation_11 import centre_parts, integrate_frames
 from michell_cad.parametrization.fold_barrier import (
-    barrier_energy,
+    BarrierEnergy,
     remove_folds,
     require_injective,
     untangled_start,
@@ -167,6 +167,6 @@ def parametrize(
             energy, stiffness, weights = following_energy(mesh, stress_field.stress, beta)
             phi = phi / np.median(np.linalg.det(mesh.gradients(phi))) ** (1 / 3)
         else:
-            energy, stiffness, weights = barrier_energy(mesh, frames, beta, linear)
+            energy, stiffness, weights = BarrierEnergy(mesh, frames, beta, linear), 2 * linear.weights, linear.weights
         phi = bound_spacing(mesh, phi, options.spacing_bounds, energy, stiffness, weights)
     return Parametrization(mesh, centre_parts(mesh, phi))

@@ -18,10 +18,14 @@ from jaxtyping import Float
 from michell_cad.arrays import require
 from michell_cad.isocurves import trace_isocurves
 from michell_cad.linear_solver import factorise
-from michell_cad.minimize import minimize
 from michell_cad.parametrization import Parametrization
 from michell_cad.parametrization.equation_11 import LeastSquaresMap, centre_parts, free_vertices, integrate_frames
-from michell_cad.parametrization.fold_barrier import barrier_energy, remove_folds, require_injective
+from michell_cad.parametrization.fold_barrier import (
+    BarrierEnergy,
+    lower_barrier,
+    remove_folds,
+    require_injective,
+)
 from michell_cad.strength.braces import add_braces, alternating_diagonals
 from michell_cad.strength.comparison.boundary_frames import boundary_normals, fit_boundary_frames
 from michell_cad.tet_mesh import TetMesh
@@ -34,9 +38,6 @@ as most of them; at 1 they are twice as far off."""
 
 LAYER_WEIGHT = 1.0
 """lambda; ten times as much costs the rest of the cells their shape and gains nothing."""
-
-ITERATIONS, TOLERANCE = 200, 1e-5
-"""Of the minimisation with layers."""
 
 
 def hex_truss(
@@ -101,10 +102,10 @@ def _lay_along_faces(
     phi: np.ndarray,
 ) -> np.ndarray:
     """Minimise Eq. 11, its barrier against folds and the layer term from a map without folds."""
-    equation_11, stiffness, _ = barrier_energy(mesh, frames, SPACING_WEIGHT, linear)
+    equation_11 = BarrierEnergy(mesh, frames, SPACING_WEIGHT, linear)
     # Weights of Eq. 11 are volumes over their mean.
     scale = LAYER_WEIGHT * mesh.size / mesh.volumes.mean()
-    free, laplacian = free_vertices(mesh), mesh.laplacian(stiffness / mesh.volumes)
+    free, laplacian = free_vertices(mesh), mesh.laplacian(2 * linear.weights / mesh.volumes)
     factors = [factorise((laplacian + 2 * scale * K)[free][:, free]) for K in layers]
 
     def energy(phi: np.ndarray) -> tuple[float, np.ndarray]:
@@ -121,4 +122,4 @@ def _lay_along_faces(
             step[free, i] = factor.solve(np.ascontiguousarray(gradient[free, i]))
         return step
 
-    return minimize(energy, phi, precondition, iterations=ITERATIONS, tolerance=TOLERANCE)[0]
+    return lower_barrier(equation_11, energy, phi, precondition)
