@@ -9,12 +9,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from michell_cad.arrays import require
-from michell_cad.cad import BuiltSolid, TrussSolid, build_solid, node_room, prepare_truss, resolve_radius, unite
+from michell_cad.cad import (
+    BuiltSolid,
+    TrussSolid,
+    build_solid,
+    node_room,
+    prepare_truss,
+    resolve_radius,
+    rule_as_built,
+    rule_at_rest,
+    unite,
+)
 from michell_cad.edits import Entasis, Radius, Structure, resize_structure, size_structure
 from michell_cad.errors import InvalidInputError
 from michell_cad.knobs import Knobs
-from michell_cad.strength import Build, Buildable, StrengthenReport, strengthen
-from michell_cad.truss import SizedTruss, take_curves
+from michell_cad.strength import Balls, Build, Buildable, StrengthenReport, strengthen
+from michell_cad.truss import SizedTruss, Truss, take_curves
 
 Progress = Callable[[str, float], None]
 
@@ -62,17 +72,25 @@ def size_finished(structure: Structure) -> Sizing:
     return Sizing(sized, knobs, report, tuple(dict.fromkeys([*notes, *edited])))
 
 
+@dataclass(frozen=True)
+class RoundMembers:
+    """What sizing for the loads learns of building round members with these knobs."""
+
+    knobs: Knobs
+
+    def balls_of(self, truss: Truss) -> Balls:
+        """The balls of a truss that was not built yet."""
+        return rule_at_rest(truss, self.knobs)
+
+    def build(self, sized: SizedTruss) -> Buildable:
+        """What is built of a truss."""
+        prepared = prepare_truss(sized, self.knobs)
+        return Buildable(prepared.sized, prepared.sizes.radius, rule_as_built(prepared), node_room(prepared))
+
+
 def buildable(knobs: Knobs) -> Build | None:
-    """How sizing for the loads learns what building makes of a truss; None for swept profiles, which do not give way to
-    each other."""
-    if knobs.swept:
-        return None
-
-    def build(sized: SizedTruss) -> Buildable:
-        prepared = prepare_truss(sized, knobs)
-        return Buildable(prepared.sized, prepared.sizes.radius, node_room(prepared))
-
-    return build
+    """How sizing learns what building makes of a truss; None for swept profiles, which do not give way."""
+    return None if knobs.swept else RoundMembers(knobs)
 
 
 def resolve_knobs(structure: Structure) -> Structure:

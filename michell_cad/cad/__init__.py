@@ -5,6 +5,7 @@ written.
 """
 
 from michell_cad.cad.assembly import AssemblyPart, build_assembly
+from michell_cad.cad.ball_rule import BallRule, rule_as_built, rule_at_rest
 from michell_cad.cad.beam_lattice import BeamLattice, export_beam_lattice, sample_beams
 from michell_cad.cad.brep import export_brep
 from michell_cad.cad.built import BuiltSolid, curve_of_part
@@ -33,6 +34,7 @@ __all__ = [
     "COLOURS",
     "FORMATS",
     "AssemblyPart",
+    "BallRule",
     "BeamLattice",
     "BuiltSolid",
     "Crossings",
@@ -77,6 +79,8 @@ __all__ = [
     "read_profile",
     "read_step_summary",
     "resolve_radius",
+    "rule_as_built",
+    "rule_at_rest",
     "sample_beams",
     "swept_volume",
     "unite",

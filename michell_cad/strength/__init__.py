@@ -15,8 +15,10 @@ from michell_cad.strength.strengthen import (
     strengthen_block,
 )
 from michell_cad.strength.strengthen_options import StrengthenOptions
+from michell_cad.strength.thick_nodes import Balls
 
 __all__ = [
+    "Balls",
     "BeamModel",
     "BeamSolution",
     "Build",

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from michell_cad.arrays import freeze, require
 from michell_cad.problem import Material
-from michell_cad.splines import fit_splines
+from michell_cad.splines import MemberSplines, fit_splines
 from michell_cad.truss import SizedTruss, Truss, member_radius
 
 PRISMATIC_SECTIONS = 3
@@ -109,7 +109,7 @@ def build_beam_model(
     pieces: int = 1,
     shear_coefficient: float | None = None,
     joints: Float[np.ndarray, " n_n"] | None = None,
-    even_sections: int | None = None,
+    splines: MemberSplines | None = None,
 ) -> BeamModel:
     """Make beams of the members of a truss.
 
@@ -122,8 +122,7 @@ def build_beam_model(
         members (vibration, buckling).
     shear_coefficient : default: `circle_shear_coefficient`.
     joints : radius of the ball at each node, mm: members are as thick as the ball within it. Default: no balls.
-    even_sections : so many sections at equal distances, by the trapezoidal rule, instead of those of Lobatto's: their
-        places do not depend on the radii.
+    splines : of members along their curves, if there are some already.
 
     Raises
     ------
@@ -136,16 +135,14 @@ def build_beam_model(
     kappa = circle_shear_coefficient(material.poisson_ratio) if shear_coefficient is None else shear_coefficient
     prismatic = straight and bool((sized.radii == sized.radii[:, :1]).all())
     rule = lobatto_rule(PRISMATIC_SECTIONS if prismatic else TAPERED_SECTIONS)
-    if even_sections is not None:
-        rule = trapezoidal_rule(even_sections)
-    splines = fit_splines(truss, straight)
+    lines = _Chords(truss) if straight else splines or fit_splines(truss)
     if joints is None:
         s, shares = (np.broadcast_to(x, (len(truss.members), *x.shape)) for x in _equal_pieces(rule, pieces))
         radii = member_radius(sized.radii[:, None, None], s)
     else:
-        s, shares, radii = _joined_sections(rule, sized, splines.lengths, joints)
+        s, shares, radii = _joined_sections(rule, sized, lines.lengths, joints)
     n_m, k = len(s), s.shape[-1]
-    points = splines.positions(s.reshape(n_m, -1)).reshape(n_m, pieces, k, 3)
+    points = lines.positions(s.reshape(n_m, -1)).reshape(n_m, pieces, k, 3)
     points[:, 0, 0], points[:, -1, -1] = truss.nodes[truss.members].transpose(1, 0, 2)
     points[:, 1:, 0] = points[:, :-1, -1]
     inner = len(truss.nodes) + np.arange(n_m * (pieces - 1)).reshape(n_m, -1)
@@ -157,12 +154,34 @@ def build_beam_model(
         elements=np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2),
         member_of_element=np.repeat(np.arange(n_m), pieces),
         points=points.reshape(-1, k, 3),
-        tangents=splines.tangents(s.reshape(n_m, -1)).reshape(-1, k, 3),
+        tangents=lines.tangents(s.reshape(n_m, -1)).reshape(-1, k, 3),
         stations=s.reshape(-1, k),
         radii=radii.reshape(-1, k),
-        weights=(splines.lengths[:, None, None] * shares).reshape(-1, k),
+        weights=(lines.lengths[:, None, None] * shares).reshape(-1, k),
         shear_coefficient=float(kappa),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Chords:
+    """Straight centre lines, with what is asked of `MemberSplines`: these look for the place of an arc length."""
+
+    truss: Truss
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        return self.truss.nodes[self.truss.members]
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        return np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1)
+
+    def positions(self, s: np.ndarray) -> np.ndarray:
+        return self.ends[:, None, 0] + s[..., None] * (self.ends[:, 1] - self.ends[:, 0])[:, None]
+
+    def tangents(self, s: np.ndarray) -> np.ndarray:
+        direction = (self.ends[:, 1] - self.ends[:, 0]) / self.lengths[:, None]
+        return np.broadcast_to(direction[:, None], (*s.shape, 3))
 
 
 def _equal_pieces(rule: tuple[np.ndarray, np.ndarray], pieces: int) -> tuple[np.ndarray, np.ndarray]:
@@ -202,10 +221,3 @@ def lobatto_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray,
     legendre = np.polynomial.legendre.Legendre.basis(count - 1)
     x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
     return (x + 1) / 2, 1 / (count * (count - 1) * legendre(x) ** 2)
-
-
-def trapezoidal_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Abscissae in [0, 1] at equal distances, both ends among them, and their weights."""
-    w = np.full(count, 1 / (count - 1))
-    w[[0, -1]] /= 2
-    return np.linspace(0.0, 1.0, count), w

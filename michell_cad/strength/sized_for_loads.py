@@ -2,11 +2,11 @@
 
 Thick members take room at their nodes: where they have too little, building merges nodes and leads members aside, and
 the forces go with them. How large the balls of the nodes come out decides how thin members bend beside thick ones. So
-what is built is sized again, with the balls that it got, and the strongest of the trusses as built is the result.
+what is built is sized again, with balls as it got them, and the strongest of the trusses as built is the result.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -20,6 +20,7 @@ from michell_cad.strength.mechanism import leave_out_loose_parts
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.sizing import SizingOptions, SizingReport, size_members
 from michell_cad.strength.strengthen_options import StrengthenOptions
+from michell_cad.strength.thick_nodes import Balls
 from michell_cad.truss import SizedTruss, Truss
 
 
@@ -31,25 +32,36 @@ class Buildable:
     ----------
     sized : the truss.
     balls : (n_n,) radius of the ball at each node, mm.
+    rule : how the balls change with the radii.
     room : (n_n,) radius to which the thickest member at each node could grow, the others in proportion, until the
         shortest one there had no tube left between its two nodes, mm.
     """
 
     sized: SizedTruss
     balls: Float[np.ndarray, " n_n"]
+    rule: Balls
     room: Float[np.ndarray, " n_n"]
 
 
-Build = Callable[[SizedTruss], Buildable]
-"""Makes a truss buildable."""
+@runtime_checkable
+class Build(Protocol):
+    """What sizing knows of building."""
 
-FIRST_RATIO = 1.5
-"""Radius of the ball at a node over the largest radius there, before anything is built: two equal members at a right
-angle need as much."""
+    def balls_of(self, truss: Truss) -> Balls:
+        """The balls of a truss that was not built yet."""
+        ...
 
-ROUNDS = 6
-"""So often what is built is sized again. After two or three rounds building changes no members any more; the balls, and
-with them the bending of thin members, go on changing a little."""
+    def build(self, sized: SizedTruss) -> Buildable:
+        """Make a truss buildable."""
+        ...
+
+
+ROUNDS = 8
+"""So often what is built is sized again. After a few rounds building changes no members any more, but how much room
+their nodes take may still change: the best round is kept."""
+
+_STIFFEST: dict[str, Any] = {"criterion": "compliance", "buckling": False}
+"""Options of the stiffest radii."""
 
 SETTLED = 0.02
 """It is enough when the truss as built is weaker by less than this than sizing thought (relative)."""
@@ -107,7 +119,7 @@ class SizedForLoads:
 
     def size(self, truss: Truss) -> Sized:
         """The best radii of a truss that can be built, and what building makes of it."""
-        sized, report = self._radii(truss, np.full(len(truss.nodes), FIRST_RATIO))
+        sized, report = self._first(truss)
         best, built = self.measured(sized, report.converged)
         found = best
         for _ in range(ROUNDS if built is not None else 0):
@@ -115,9 +127,7 @@ class SizedForLoads:
             same = len(built.sized.truss.members) == len(sized.truss.members)
             if same and (self.options.criterion == "compliance" or found.factor > (1 - SETTLED) * max(report.factors)):
                 break
-            widest = widest_radii(built.sized)
-            ratios = np.divide(built.balls, widest, out=np.zeros(len(widest)), where=widest > 0)
-            sized, report = self._radii(found.sized.truss, ratios, found.sized.radii, built.room)
+            sized, report = self._radii(found.sized.truss, built.rule, found.sized.radii, built.room)
             found, built = self.measured(sized, report.converged)
             best = found if self.score(found) > self.score(best) else best
         return best
@@ -126,8 +136,9 @@ class SizedForLoads:
         """A truss as it is built, and what building said."""
         built = None
         if self.build is not None:
-            built = self.build(sized)
-            sized, _ = leave_out_loose_parts(self.problem, built.sized)
+            built = self.build.build(sized)
+            while len((sized := leave_out_loose_parts(self.problem, built.sized)[0]).radii) < len(built.sized.radii):
+                built = self.build.build(sized)
         material, straight = self.problem.material, sized.truss.straight
         columns = build_beam_model(sized, material, straight)
         model = columns if built is None else build_beam_model(sized, material, straight, joints=built.balls)
@@ -141,7 +152,7 @@ class SizedForLoads:
     def paying_braces(self, truss: Truss, pairs: Int[np.ndarray, "n_b 2"]) -> Int[np.ndarray, "n_k 2"]:
         """Of some braces those that sizing makes thick; the others only take volume and room."""
         while len(pairs):
-            sized, _ = self._radii(add_braces(truss, pairs), np.full(len(truss.nodes), FIRST_RATIO))
+            sized, _ = self._first(add_braces(truss, pairs))
             thick = sized.radii[len(truss.members) :, 1] > BRACE_PAYS * sized.radii.min()
             if thick.mean() > ENOUGH_PAY:
                 return pairs[thick]
@@ -151,10 +162,23 @@ class SizedForLoads:
     def _loading(self, truss: Truss) -> TrussLoading:
         return add_off_axis_cases(carry_over_loads(self.problem, truss), self.options.off_axis_degrees)
 
+    def _first(self, truss: Truss) -> tuple[SizedTruss, SizingReport]:
+        """Radii of a truss that was not built yet.
+
+        Those for strength start half way (by the logarithms of areas) from equal members to the stiffest ones: from
+        either end they run into poorer optima, on braced grids half as strong.
+        """
+        balls = None if self.build is None else self.build.balls_of(truss)
+        if self.options.criterion == "compliance":
+            return self._radii(truss, balls)
+        plain = SizedForLoads(self.problem, self.volume, replace(self.options, **_STIFFEST), self.build)
+        stiffest, _ = plain._radii(truss, balls)
+        return self._radii(truss, balls, np.sqrt(stiffest.radii * self.equal(truss).radii))
+
     def _radii(
         self,
         truss: Truss,
-        ratios: Float[np.ndarray, " n_n"],
+        balls: Balls | None,
         start: Float[np.ndarray, "n_m 3"] | None = None,
         room: Float[np.ndarray, " n_n"] | None = None,
     ) -> tuple[SizedTruss, SizingReport]:
@@ -175,14 +199,7 @@ class SizedForLoads:
             self.volume,
             sizing,
             strict=False,
-            node_ratios=None if self.build is None else ratios,
+            balls=balls,
             start=start,
             room=room,
         )
-
-
-def widest_radii(sized: SizedTruss) -> Float[np.ndarray, " n_n"]:
-    """Largest radius of the members at each node, mm."""
-    widest = np.zeros(len(sized.truss.nodes))
-    np.maximum.at(widest, sized.truss.members, sized.radii[:, [0, 2]])
-    return widest

@@ -22,7 +22,8 @@ from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.sizing_groups import SizedBy, SizingGroups, group_members
 from michell_cad.strength.sizing_task import SizingTask
 from michell_cad.strength.stiffest import stiffest_radii
-from michell_cad.strength.strongest import EVEN_SECTIONS, strongest_radii
+from michell_cad.strength.strongest import strongest_radii
+from michell_cad.strength.thick_nodes import Balls, ThickNodes
 from michell_cad.truss import SizedTruss, Truss
 
 SMALLEST_RADIUS_SHARE = 0.3
@@ -95,7 +96,7 @@ def size_members(
     volume: float,
     options: SizingOptions = SizingOptions(),
     strict: bool = True,
-    node_ratios: Float[np.ndarray, " n_n"] | None = None,
+    balls: Balls | None = None,
     start: Float[np.ndarray, "n_m 3"] | None = None,
     room: Float[np.ndarray, " n_n"] | None = None,
 ) -> tuple[SizedTruss, SizingReport]:
@@ -107,7 +108,7 @@ def size_members(
     volume : mm^3; what members share at nodes counts for each of them.
     options : SizingOptions
     strict : whether not to converge is an error.
-    node_ratios : radius of the ball at each node over the largest radius there, for "stress"; default: no balls.
+    balls : of the nodes, for "stress"; default: none.
     start : radii to start from, mm, any volume; default: equal ones.
     room : largest radius at each node, mm, for members that are sized one by one; default: what the options say.
 
@@ -121,15 +122,14 @@ def size_members(
     # Radii that change along members need the sections of a taper; any that do will make them.
     pattern = [1.0, 1.1, 1.0] if options.by == "curve" else [1.0, 1.0, 1.0]
     pattern = SizedTruss(truss, np.tile(pattern, (len(truss.members), 1)))
-    even = EVEN_SECTIONS if options.criterion == "stress" else None
-    model = build_beam_model(pattern, material, options.straight, even_sections=even)
+    nodes = ThickNodes(truss, material, options.straight, balls)
+    model = build_beam_model(pattern, material, options.straight, splines=nodes.splines)
     require_solvable(model, loading)
     lengths = np.bincount(model.member_of_element, model.lengths, len(truss.members))
     smallest, largest = _area_bounds(truss, lengths, volume, options)
     groups = group_members(truss, options.by)
     high = _largest(groups, truss, smallest, largest, options, room)
     _require_room(groups, high, lengths, volume)
-    ratios = np.zeros(len(truss.nodes)) if node_ratios is None else node_ratios
     first = np.full(groups.count, np.log(volume / lengths.sum())) if start is None else groups.nearest(start)
     task = SizingTask(
         model,
@@ -140,8 +140,7 @@ def size_members(
         np.full(groups.count, np.log(smallest)),
         high,
         first,
-        start is None,
-        ratios,
+        nodes,
         options.buckling,
         options.tolerance,
         options.steps,

@@ -10,6 +10,7 @@ from michell_cad.strength.beam_solution import BeamSolution
 from michell_cad.strength.loads import TrussLoading
 from michell_cad.strength.member_buckling import member_buckling_factors
 from michell_cad.strength.sizing_groups import SizingGroups
+from michell_cad.strength.thick_nodes import ThickNodes
 
 BISECTIONS = 100
 """Halvings of the interval of the shift that restores the volume: to the last digit."""
@@ -28,8 +29,7 @@ class SizingTask:
     volume : mm^3.
     low, high : (n_x,) bounds of x.
     start : (n_x,), any volume.
-    from_equal : whether these are equal members, and not sized ones.
-    node_ratios : (n_n,) radius of the ball at each node over the largest radius there.
+    nodes : makes models with the balls of the nodes.
     buckling : whether members must not buckle.
     tolerance, steps : see `SizingOptions`.
     """
@@ -42,8 +42,7 @@ class SizingTask:
     low: Float[np.ndarray, " n_x"]
     high: Float[np.ndarray, " n_x"]
     start: Float[np.ndarray, " n_x"]
-    from_equal: bool
-    node_ratios: Float[np.ndarray, " n_n"]
+    nodes: ThickNodes
     buckling: bool
     tolerance: float
     steps: int

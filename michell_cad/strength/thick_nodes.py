@@ -1,104 +1,91 @@
-"""Members within the balls of their nodes, at sections whose places stay: for radii that change from step to step.
+"""Members within the balls of their nodes, for radii that change from step to step, and derivatives by these radii.
 
-The ball at a node has a fixed ratio to the largest radius of the members there. Between fat balls a thin member is
-short and bends sharply as they turn, which a model of centre lines does not see: radii that it thinks strong may be a
-third as strong once built. The sections of the outer halves of a member are as thick as the ball that they lie in,
-(R^2 - d^2)^(1/2) at the distance d from its centre; the one in the middle always has the member's own radius, so that a
-member hidden in two balls still has to carry what passes through it.
+How large the ball at a node is depends on the radii of the members there. Between fat balls a thin member is short and
+bends sharply as they turn, which a model of centre lines does not see: radii that it thinks strong may be a third as
+strong once built.
+
+Where a ball ends on a member, at its rim, both have the same radius (nearly, if the member tapers). So moving the rim
+changes no integral over the member to first order (Leibniz's rule), and derivatives are those at fixed places, though
+the sections of the model move with the rims.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
-from michell_cad.arrays import require
-from michell_cad.strength.beam_model import BeamModel
+from michell_cad.problem import Material
+from michell_cad.splines import MemberSplines, fit_splines
+from michell_cad.strength.beam_model import BeamModel, build_beam_model
+from michell_cad.truss import SizedTruss, Truss
+
+Balls = Callable[[Float[np.ndarray, "n_m 2"]], tuple[Float[np.ndarray, " n_n"], Float[np.ndarray, "n_m 2"]]]
+"""For the radii of all members at their two nodes, mm: the radius of the ball at each node, mm, and the derivative of
+its logarithm by that of each radius, at the node where it is."""
 
 
 @dataclass(frozen=True, eq=False)
 class ThickNodes:
-    """A beam model of one element for each member, with the balls of its nodes.
+    """What makes a beam model of radii: one element for each member.
 
     Parameters
     ----------
-    model : with an odd number of sections, the same stations for all members; its radii are any.
-    ratios : (n_n,), radius of the ball at each node over the largest radius there; 0: no ball.
+    truss, material : Truss, Material
+    straight : whether members are taken along their chords or along their curves.
+    balls : None: none.
     """
 
-    model: BeamModel
-    ratios: Float[np.ndarray, " n_n"]
-
-    def __post_init__(self) -> None:
-        require(self.model.radii.shape[1] % 2 == 1, "the middle of a member needs a section of its own")
-
-    @cached_property
-    def basis(self) -> Float[np.ndarray, "k 3"]:
-        """Radius of every section for a radius 1 at the first node, in the middle, and at the second node alone: what
-        `member_radius` does is linear in the three."""
-        s = self.model.stations[0]
-        smooth, bump = s**2 * (3 - 2 * s), 16 * (s * (1 - s)) ** 2
-        return np.stack([1 - smooth - bump / 2, bump, smooth - bump / 2], axis=1)
+    truss: Truss
+    material: Material
+    straight: bool
+    balls: Balls | None = None
 
     @cached_property
-    def near_end(self) -> Int[np.ndarray, " k"]:
-        """Which end (0, 1) each section is nearer to; -1 for the middle."""
-        return np.array([0 if s < 0.5 - 1e-9 else 1 if s > 0.5 + 1e-9 else -1 for s in self.model.stations[0]])
-
-    @cached_property
-    def distance(self) -> Float[np.ndarray, "n_m k"]:
-        """From the node at the nearer end, mm."""
-        nodes = self.model.nodes[self.model.elements[:, self.near_end]]
-        return np.linalg.norm(self.model.points - nodes, axis=2)
-
-    def widest(self, radii: Float[np.ndarray, "n_m 3"]) -> Float[np.ndarray, " n_n"]:
-        """Largest radius at every node, mm."""
-        found = np.zeros(len(self.model.nodes))
-        np.maximum.at(found, self.model.elements, radii[:, [0, 2]])
-        return found
+    def splines(self) -> MemberSplines | None:
+        """Centre lines of members along their curves."""
+        return None if self.straight else fit_splines(self.truss)
 
     def members(self, radii: Float[np.ndarray, "n_m 3"]) -> BeamModel:
         """The members alone."""
-        return replace(self.model, radii=radii @ self.basis.T)
+        return self._model(radii, None)
 
-    def with_radii(self, radii: Float[np.ndarray, "n_m 3"]) -> BeamModel:
-        """Members with these radii, and the balls that belong to them."""
-        own = radii @ self.basis.T
-        return replace(self.model, radii=np.maximum(own, self._ball(radii)))
+    def with_balls(self, radii: Float[np.ndarray, "n_m 3"]) -> BeamModel:
+        """The members, as thick as the balls within these."""
+        return self._model(radii, None if self.balls is None else self.balls(radii[:, [0, 2]])[0])
 
     def gradient(
-        self, radii: Float[np.ndarray, "n_m 3"], by_section: Float[np.ndarray, "n_m k"]
+        self, model: BeamModel, radii: Float[np.ndarray, "n_m 3"], by_section: Float[np.ndarray, "n_m k"]
     ) -> Float[np.ndarray, "n_m 3"]:
         """Derivatives by the logarithms of the three areas of a member, from those by the areas of its sections.
 
-        A ball goes with the largest radius at its node; of several equal ones each has a part in it.
+        `model` is one of the two above, of these radii.
         """
-        own, ball = radii @ self.basis.T, self._ball(radii)
-        hidden = ball > own
-        found = self.member_gradient(radii, np.where(hidden, 0, by_section))
-        # Of a section in a ball: d log A = (R / r)^2 d log of the ball's own largest area.
-        widest = self.widest(radii)
-        R = (self.ratios * widest)[self.model.elements]
-        of_node = np.zeros(len(widest))
-        for end in (0, 1):
-            mine = hidden & (self.near_end == end)
-            part = np.where(mine, by_section / np.where(mine, ball, 1) ** 2, 0).sum(1) * R[:, end] ** 2
-            np.add.at(of_node, self.model.elements[:, end], part)
-        leads = radii[:, [0, 2]] >= widest[self.model.elements] * (1 - 1e-9)
-        count = np.bincount(self.model.elements[leads], minlength=len(widest))
-        found[:, [0, 2]] += np.where(leads, (of_node / np.maximum(count, 1))[self.model.elements], 0)
+        basis = section_basis(model.stations)
+        own = np.einsum("mki,mi->mk", basis, radii)
+        hidden = model.radii > own * (1 + 1e-9)
+        by_area = np.where(hidden, 0, by_section) / own
+        found = np.einsum("mk,mki->mi", by_area, basis) * radii
+        if self.balls is None or not hidden.any():
+            return found
+        # Of a section in a ball, r^2 = R^2 - d^2: d log A = 2 (R / r)^2 d log R.
+        R, slopes = self.balls(radii[:, [0, 2]])
+        part = np.where(hidden, by_section / model.radii**2, 0)
+        of_node = np.zeros(len(R))
+        half = part.shape[1] // 2  # sections in balls come first and last, as many at either end
+        for end, own_part in enumerate((part[:, :half], part[:, half:])):
+            np.add.at(of_node, model.elements[:, end], own_part.sum(1))
+        found[:, [0, 2]] += slopes * (R**2 * of_node)[model.elements]
         return found
 
-    def member_gradient(
-        self, radii: Float[np.ndarray, "n_m 3"], by_section: Float[np.ndarray, "n_m k"]
-    ) -> Float[np.ndarray, "n_m 3"]:
-        """The same for members without balls."""
-        return (by_section / (radii @ self.basis.T)) @ self.basis * radii
+    def _model(self, radii: np.ndarray, joints: np.ndarray | None) -> BeamModel:
+        sized = SizedTruss(self.truss, radii)
+        return build_beam_model(sized, self.material, self.straight, joints=joints, splines=self.splines)
 
-    def _ball(self, radii: np.ndarray) -> np.ndarray:
-        """Radius of the ball's section at each section, 0 outside of it."""
-        R = (self.ratios * self.widest(radii))[self.model.elements]
-        square = R[:, self.near_end] ** 2 - self.distance**2
-        square[:, self.near_end < 0] = 0
-        return np.sqrt(np.maximum(square, 0))
+
+def section_basis(s: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k 3"]:
+    """Radius of a section for a radius 1 at the first node, in the middle, and at the second node alone: what
+    `member_radius` does is linear in the three."""
+    smooth, bump = s**2 * (3 - 2 * s), 16 * (s * (1 - s)) ** 2
+    return np.stack([1 - smooth - bump / 2, bump, smooth - bump / 2], axis=-1)

@@ -57,6 +57,19 @@ def tower(storeys=3) -> SizedTruss:
     return SizedTruss(sized.truss, sized.radii * (1 + np.arange(len(members)) % 3)[:, None])
 
 
+def in_proportion(members, ratios):
+    """Balls of fixed ratios to the largest radius at their nodes, as sizing asks for them."""
+
+    def balls(radii):
+        widest, count = np.zeros(len(ratios)), np.zeros(len(ratios))
+        np.maximum.at(widest, members, radii)
+        leads = radii >= widest[members]
+        np.add.at(count, members, leads)
+        return ratios * widest, leads / count[members]
+
+    return balls
+
+
 def box_grid(cells=(3, 2, 2)) -> SizedTruss:
     """A regular grid of unit cells with a diagonal across the cells of one face."""
     number = np.arange(np.prod(np.array(cells) + 1)).reshape(np.array(cells) + 1)

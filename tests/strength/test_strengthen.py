@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from frames import in_proportion
 from shapes import cantilever
 
 from michell_cad.elasticity import solve_elasticity
@@ -22,7 +23,6 @@ from michell_cad.strength import (
     strengthen,
     strengthen_block,
 )
-from michell_cad.strength.sized_for_loads import widest_radii
 from michell_cad.truss import SizedTruss, keep_curves
 
 
@@ -90,22 +90,29 @@ def test_braces_are_kept_only_if_they_pay(bar):
 
 
 def test_what_building_says_is_sized_again():
-    """A builder that leaves the truss as it is, with balls of 1.4 radii and little room: reported is what it leaves."""
+    """A builder that leaves the truss as it is, with balls of 1.4 radii where 1.2 were foretold, and little room:
+    reported is what it leaves."""
     small = design(cantilever((6, 3, 3)), DesignOptions(resolution=4))
     seen = []
 
-    def build(sized):
-        widest = widest_radii(sized)
-        seen.append(float(sized.radii.max()))
-        return Buildable(sized, 1.4 * widest, np.full(len(widest), 0.8 * seen[1] if len(seen) > 1 else np.inf))
+    class Builder:
+        def balls_of(self, truss, ratio=1.2):
+            return in_proportion(truss.members, np.full(len(truss.nodes), ratio))
+
+        def build(self, sized):
+            rule = self.balls_of(sized.truss, 1.4)
+            balls, _ = rule(sized.radii[:, [0, 2]])
+            seen.append(float(sized.radii.max()))
+            return Buildable(sized, balls, rule, np.full(len(balls), 0.8 * seen[1] if len(seen) > 1 else np.inf))
 
     options = StrengthenOptions(size_by="member", volume_fraction=0.09, straight=True, buckling=False)
     sized = apply_knobs(small.truss, Knobs())
-    result, report, _ = strengthen(small.problem, small.stress_field, small.parametrization, sized, options, build)
+    result, report, _ = strengthen(small.problem, small.stress_field, small.parametrization, sized, options, Builder())
     assert len(seen) > 2  # equal members, then sized ones at least twice
     assert max(seen[2:]) <= 0.8 * seen[1] * (1 + 1e-9)
     loading = add_off_axis_cases(carry_over_loads(small.problem, result.truss))
-    model = build_beam_model(result, small.problem.material, joints=1.4 * widest_radii(result))
+    balls, _ = Builder().balls_of(result.truss, 1.4)(result.radii[:, [0, 2]])
+    model = build_beam_model(result, small.problem.material, joints=balls)
     peak = solve_beams(model, loading).peak_stress.max()
     assert report.failure_factor == pytest.approx(small.problem.material.yield_strength / peak, rel=1e-9)
     assert report.failure_gain > 2
