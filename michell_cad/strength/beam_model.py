@@ -9,7 +9,7 @@ compliance where members are ten radii long. Given the balls' radii, members are
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -181,7 +181,7 @@ class _Chords:
 
     def tangents(self, s: np.ndarray) -> np.ndarray:
         direction = (self.ends[:, 1] - self.ends[:, 0]) / self.lengths[:, None]
-        return np.broadcast_to(direction[:, None], (*s.shape, 3))
+        return np.repeat(direction[:, None], s.shape[1], axis=1)
 
 
 def _equal_pieces(rule: tuple[np.ndarray, np.ndarray], pieces: int) -> tuple[np.ndarray, np.ndarray]:
@@ -212,6 +212,7 @@ def _joined_sections(
     return s[:, None], shares[:, None], radii[:, None]
 
 
+@cache
 def lobatto_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Abscissae in [0, 1] and weights of the Gauss-Lobatto rule, which holds both ends; exact to degree 2 k - 3.
 
@@ -220,4 +221,7 @@ def lobatto_rule(count: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray,
     """
     legendre = np.polynomial.legendre.Legendre.basis(count - 1)
     x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
-    return (x + 1) / 2, 1 / (count * (count - 1) * legendre(x) ** 2)
+    rule = (x + 1) / 2, 1 / (count * (count - 1) * legendre(x) ** 2)
+    for array in rule:
+        array.flags.writeable = False
+    return rule

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from michell_cad.arrays import require
 from michell_cad.errors import ConvergenceError
@@ -99,6 +99,7 @@ def size_members(
     balls: Balls | None = None,
     start: Float[np.ndarray, "n_m 3"] | None = None,
     room: Float[np.ndarray, " n_n"] | None = None,
+    free: Bool[np.ndarray, " n_m"] | None = None,
 ) -> tuple[SizedTruss, SizingReport]:
     """Give every group of members its radii, at a total volume (sum of the integrals of pi r^2) in mm^3.
 
@@ -111,6 +112,7 @@ def size_members(
     balls : of the nodes, for "stress"; default: none.
     start : radii to start from, mm, any volume; default: equal ones.
     room : largest radius at each node, mm, for members that are sized one by one; default: what the options say.
+    free : members that change; the others, but for what they share with these, keep the radii of `start`.
 
     Raises
     ------
@@ -131,13 +133,17 @@ def size_members(
     high = _largest(groups, truss, smallest, largest, options, room)
     _require_room(groups, high, lengths, volume)
     first = np.full(groups.count, np.log(volume / lengths.sum())) if start is None else groups.nearest(start)
+    low = np.full(groups.count, np.log(smallest))
+    if free is not None:
+        stays = groups.shares.T @ free == 0
+        low[stays] = high[stays] = first[stays]
     task = SizingTask(
         model,
         loading,
         groups,
         lengths,
         volume,
-        np.full(groups.count, np.log(smallest)),
+        low,
         high,
         first,
         nodes,

@@ -78,9 +78,11 @@ class SizingRun:
     converged: bool = False
 
 
-def failure_index(solution: BeamSolution, buckling: bool) -> Float[np.ndarray, " n_m"]:
-    """Largest over the load cases of one over the factor at which each member yields (or buckles)."""
+def failure_index(
+    solution: BeamSolution, buckling: bool, columns: BeamModel | None = None
+) -> Float[np.ndarray, " n_m"]:
+    """Largest over the load cases of one over the factor at which each member yields (or buckles, as in `columns`)."""
     index = solution.peak_stress.max(0) / solution.model.material.yield_strength
     if buckling:
-        index = np.maximum(index, (1 / member_buckling_factors(solution)).max(0))
+        index = np.maximum(index, (1 / member_buckling_factors(solution, columns)).max(0))
     return index

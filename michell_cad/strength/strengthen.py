@@ -62,7 +62,7 @@ def strengthen(
     problem, stress_field, parametrization : of the part.
     sized : the truss; its radii count only for the volume.
     options : StrengthenOptions
-    build : makes the truss buildable, see `buildable_radii`; default: members may be too thick for their nodes.
+    build : makes the truss buildable, see `Build`; default: members may be too thick for their nodes.
 
     Raises
     ------
@@ -89,6 +89,9 @@ def strengthen(
                 found = braced
             else:
                 notes.append(f"{len(pairs)} braces would not pay: the truss without them is stronger at equal volume")
+    if task.score(equal) > task.score(found):
+        found = equal
+        notes.append("no radii were found that are better than equal ones")
     if not found.converged:
         notes.append("the radii did not settle entirely; they are the best that were found")
     return found.sized, _describe(found, equal, volume, options), notes

@@ -43,6 +43,20 @@ def test_known_optimum_of_the_norm_of_a_stepped_bar():
     assert max(report.factors) == pytest.approx(235 * 50 / (N @ truss.lengths), rel=0.015)
 
 
+def test_members_that_are_not_free_keep_their_radii():
+    """Of the stepped bar only the middle two: what volume is left to them goes with |N|."""
+    truss, load, N = stepped_bar()
+    start = np.tile(np.array([0.5, 0.3, 0.4, 0.2])[:, None], (1, 3))
+    volume = float(np.pi * start[:, 0] ** 2 @ truss.lengths)
+    free = np.array([False, True, True, False])
+    options = replace(FINE, criterion="stress")
+    sized, _ = size_members(truss, STEEL, load, volume, options, strict=False, start=start, free=free)
+    np.testing.assert_allclose(sized.radii[~free], start[~free], rtol=1e-9)
+    expected = N[free] ** (LAST_POWER / (LAST_POWER + 1))
+    left = np.pi * start[free, 0] ** 2 @ truss.lengths[free]
+    np.testing.assert_allclose(areas_of(sized)[free], expected * left / (expected @ truss.lengths[free]), rtol=3e-3)
+
+
 def test_known_optimum_of_a_determinate_truss():
     """A slender triangle on two supports: members forces by the method of joints, bending below (r / L)^2."""
     nodes = [[0, 0, 0], [1000, 0, 0], [300, 0, 400]]

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from frames import in_proportion
+from frames import frame, in_proportion
 from shapes import cantilever
 
 from michell_cad.elasticity import solve_elasticity
@@ -23,6 +23,7 @@ from michell_cad.strength import (
     strengthen,
     strengthen_block,
 )
+from michell_cad.strength.sized_for_loads import members_near
 from michell_cad.truss import SizedTruss, keep_curves
 
 
@@ -116,6 +117,36 @@ def test_what_building_says_is_sized_again():
     peak = solve_beams(model, loading).peak_stress.max()
     assert report.failure_factor == pytest.approx(small.problem.material.yield_strength / peak, rel=1e-9)
     assert report.failure_gain > 2
+
+
+def test_equal_members_are_kept_where_no_others_are_better():
+    """A builder that leaves only equal members as they are, and makes all others thin."""
+    small = design(cantilever((6, 3, 3)), DesignOptions(resolution=4))
+
+    class Spoiler:
+        def balls_of(self, truss):
+            return in_proportion(truss.members, np.ones(len(truss.nodes)))
+
+        def build(self, sized):
+            thin = 0.1 if np.ptp(sized.radii) > 1e-9 else 1.0
+            spoilt = SizedTruss(sized.truss, thin * sized.radii)
+            rule = self.balls_of(sized.truss)
+            return Buildable(spoilt, rule(spoilt.radii[:, [0, 2]])[0], rule, np.full(len(sized.truss.nodes), np.inf))
+
+    options = StrengthenOptions(size_by="member", volume_fraction=0.09, straight=True)
+    sized = apply_knobs(small.truss, Knobs())
+    part = (small.problem, small.stress_field, small.parametrization)
+    result, report, notes = strengthen(*part, sized, options, Spoiler())
+    assert report.failure_gain == 1
+    assert np.ptp(result.radii) == 0
+    assert "no radii were found that are better than equal ones" in notes
+
+
+def test_members_near_others():
+    chain = frame([[k, 0, 0] for k in range(8)], [(k, k + 1) for k in range(7)]).truss
+    chosen = np.arange(7) == 2
+    assert np.flatnonzero(members_near(chain, chosen)).tolist() == [1, 2, 3]
+    assert not members_near(chain, ~np.ones(7, bool)).any()
 
 
 def test_a_job_states_all_of_it():
