@@ -100,7 +100,8 @@ def measure(problem: mc.DesignProblem, sized: SizedTruss, knobs: mc.Knobs, volum
     columns = build_beam_model(sized, problem.material, straight=sized.truss.straight)
     solution = solve_beams(model, loading)
     own = np.arange(len(plain.names)) * (len(loading.names) // len(plain.names))
-    yields = problem.material.yield_strength / solution.peak_stress
+    with np.errstate(divide="ignore"):  # members without load
+        yields = problem.material.yield_strength / solution.peak_stress
     buckles = member_buckling_factors(solution, columns)
     frames = [frame_buckling(solution, loading, int(case))[0] for case in own]
     N = np.abs(solution.axial_force[own])
