@@ -133,7 +133,8 @@ def print_comparison(comparison: Comparison, console: Console) -> None:
     console.print(
         f"all: union volume {comparison.rows[0].volume_fraction:.1%} of the part (of this truss members overlap by "
         f"{comparison.overlap:.1%}), the same loads and held regions; factors are of the given loads, tilted: the "
-        f"worst of {comparison.off_axis_degrees:g} degrees to four sides"
+        f"worst of {comparison.off_axis_degrees:g} degrees to four sides; members are bare beams, before "
+        "building: without the balls of their nodes"
     )
     if comparison.voxels is not None:
         found = comparison.voxels
