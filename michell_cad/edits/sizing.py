@@ -25,6 +25,10 @@ NEIGHBOURS = 9
 
 Factor = Annotated[float, Field(gt=0, le=10)]
 
+THICKER_THAN_SIZED = 1.5
+"""Edits may make a member that was sized for its loads so many times as thick, even where that is more than cells of
+equal members have room for: sizing knows where there is room."""
+
 
 class Radius(SelectingEdit):
     """Members of another radius: in mm, or as a multiple of the knob's; constant, or varying over something."""
@@ -102,7 +106,8 @@ def size_structure(structure: Structure, knobs: Knobs | None = None) -> SizedTru
     radius = np.array([default_radius(piece.fields.spacing, piece.knobs) for piece in structure.pieces])
     entasis = np.array([piece.knobs.entasis for piece in structure.pieces])
     given = np.repeat(radius[part, None], 3, axis=1)
-    return _edit_radii(structure, SizedTruss(truss, given), entasis[[curve.part for curve in truss.curves]])
+    granted = np.zeros(len(truss.members))
+    return _edit_radii(structure, SizedTruss(truss, given), entasis[[curve.part for curve in truss.curves]], granted)
 
 
 def resize_structure(structure: Structure, sized: SizedTruss) -> SizedTruss:
@@ -110,7 +115,8 @@ def resize_structure(structure: Structure, sized: SizedTruss) -> SizedTruss:
 
     `times` and `values` of an edit are over the radii that the members have, and so is entasis.
     """
-    return _edit_radii(replace(structure, truss=sized.truss), sized, np.zeros(len(sized.truss.curves)))
+    granted = THICKER_THAN_SIZED * sized.radii.max(1)
+    return _edit_radii(replace(structure, truss=sized.truss), sized, np.zeros(len(sized.truss.curves)), granted)
 
 
 def part_of_member(truss: Truss) -> Int[np.ndarray, " n_m"]:
@@ -118,8 +124,13 @@ def part_of_member(truss: Truss) -> Int[np.ndarray, " n_m"]:
     return np.array([curve.part for curve in truss.curves], np.int64)[truss.curve_of_member]
 
 
-def _edit_radii(structure: Structure, sized: SizedTruss, entasis: Float[np.ndarray, " n_c"]) -> SizedTruss:
-    """The radii by the edits, from those before any and the entasis of the curves of which no edit speaks."""
+def _edit_radii(
+    structure: Structure, sized: SizedTruss, entasis: Float[np.ndarray, " n_c"], granted: Float[np.ndarray, " n_m"]
+) -> SizedTruss:
+    """The radii by the edits, from those before any and the entasis of the curves of which no edit speaks.
+
+    No radius may be too large for the cells of the truss, but for what is granted to each member, mm.
+    """
     truss, radii, entasis = sized.truss, np.array(sized.radii), entasis.copy()
     for edit in structure.noted:
         if isinstance(edit, Radius):
@@ -131,8 +142,9 @@ def _edit_radii(structure: Structure, sized: SizedTruss, entasis: Float[np.ndarr
     smallest = np.array([max(piece.knobs.smallest_radius, structure.knobs.smallest_radius) for piece in pieces])
     radii = np.maximum(radii, smallest[part, None])
     spacing = np.array([piece.fields.spacing for piece in pieces])[part]
-    worst = int(np.argmax(radii.max(1) / spacing))
-    largest = LARGEST_RADIUS_RATIO * spacing[worst]
+    bounds = np.maximum(LARGEST_RADIUS_RATIO * spacing, granted)
+    worst = int(np.argmax(radii.max(1) / bounds))
+    largest = bounds[worst]
     require(
         radii[worst].max() <= largest,
         f"a radius of {radii[worst].max():.4g} mm (on {truss.curves[truss.curve_of_member[worst]].name}, entasis "

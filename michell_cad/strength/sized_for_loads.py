@@ -2,7 +2,8 @@
 
 Thick members take room at their nodes: where they have too little, building merges nodes and leads members aside, and
 the forces go with them. How large the balls of the nodes come out decides how thin members bend beside thick ones. So
-what is built is sized again, with balls as it got them, and the strongest of the trusses as built is the result.
+what is built is sized again, with balls as it got them, first as a whole and then, from the strongest truss as built,
+only near what fails first.
 """
 
 from dataclasses import dataclass, replace
